@@ -45,11 +45,7 @@ class Reference:
 
     @classmethod
     def from_json(cls, content: Any, what: str) -> "Reference":
-        """Return what `to_json` described, without importing it.
-
-        Raises:
-            RunError: not such content.
-        """
+        """Return what `to_json` described, without importing it."""
         if not isinstance(content, dict) or not isinstance(content.get("fields", {}), dict):
             raise RunError(f"{what} is {content!r}; an object with name, version and fields is needed")
         text = {"fields": json.dumps(content["fields"], sort_keys=True)} if "fields" in content else {}
@@ -59,15 +55,7 @@ class Reference:
             raise RunError(str(error)) from error
 
     def restore(self, what: str, allow: Collection[str] = ()) -> Any:
-        """Import it.
-
-        Args:
-            what: name of the field, for messages.
-            allow: modules of the user that may be imported.
-
-        Raises:
-            RunError: its module is not allowed, it cannot be imported, or is another version.
-        """
+        """Import it."""
         check_allowed(self.name, what, allow)
         found = find_object(self.name, what)
         version = find_version(found, what)
@@ -87,12 +75,7 @@ class Reference:
 
 
 def refer(value: object, what: str) -> Reference:
-    """Return a reference that restores a function, a class, or an instance of a dataclass.
-
-    Raises:
-        RunError: nothing would restore it: a lambda, a closure, what a script itself defines, or an instance with a
-            state beyond its fields.
-    """
+    """Return a reference that restores a function, a class, or an instance of a dataclass."""
     is_named = isinstance(value, FunctionType | type)
     owner: Any = value if is_named else type(value)
     name = f"{owner.__module__}:{owner.__qualname__}"
@@ -133,11 +116,7 @@ def owner_module(name: str) -> str:
 
 
 def check_allowed(name: str, what: str, allow: Collection[str]) -> None:
-    """Refuse to import what a file names, unless the caller has allowed its module.
-
-    Raises:
-        RunError: naming the module and how it is allowed.
-    """
+    """Refuse to import what a file names, unless the caller has allowed its module."""
     module = owner_module(name)
     if not is_allowed(module, allow):
         raise RunError(
@@ -147,11 +126,7 @@ def check_allowed(name: str, what: str, allow: Collection[str]) -> None:
 
 
 def find_object(name: str, what: str) -> Any:
-    """Import the function or class that "module:name" names.
-
-    Raises:
-        RunError: there is none, or it is no Python code.
-    """
+    """Import the function or class that "module:name" names."""
     found = find_value(name, what)
     if not isinstance(found, FunctionType | type):
         raise RunError(f"{what} {name} is no function or class of that module")
@@ -159,11 +134,7 @@ def find_object(name: str, what: str) -> Any:
 
 
 def find_value(name: str, what: str) -> Any:
-    """Import what "module:name" names; None where the module has no such name.
-
-    Raises:
-        RunError: the module cannot be imported.
-    """
+    """Import what "module:name" names; None where the module has no such name."""
     module, _, qualname = name.partition(":")
     if not module or not qualname:
         raise RunError(f"{what} is {name!r}; give 'module:name'")
@@ -186,11 +157,7 @@ def _look_up(name: str) -> object:
 
 
 def find_version(owner: Any, what: str) -> str:
-    """Return the version of a function or class: its own, otherwise a digest of the source of its module.
-
-    Raises:
-        RunError: neither exists.
-    """
+    """Return the version of a function or class: its own, otherwise a digest of the source of its module."""
     if owner.__module__.partition(".")[0] in OWN_PACKAGES:
         return ""
     own = getattr(owner, "version", None)
@@ -206,11 +173,8 @@ def find_version(owner: Any, what: str) -> str:
 
 
 def find_versions(content: Any, what: str) -> dict[str, str]:
-    """Return name -> version of all that is not of this project in JSON content of `symbrion_gym._src.tasks.storage`.
-
-    Raises:
-        RunError: something has no version.
-    """
+    """Return name -> version of all that is not of this project in JSON content of
+    `symbrion_gym._src.tasks.storage`."""
     if isinstance(content, list):
         return {name: each for inner in content for name, each in find_versions(inner, what).items()}
     if not isinstance(content, dict):
@@ -223,11 +187,7 @@ def find_versions(content: Any, what: str) -> dict[str, str]:
 
 
 def check_versions(versions: Mapping[str, str], what: str, allow: Collection[str]) -> None:
-    """Refuse other versions than those recorded.
-
-    Raises:
-        RunError: something has changed since, or may not be imported.
-    """
+    """Refuse other versions than those recorded."""
     for name, version in versions.items():
         check_allowed(name, what, allow)
         now = find_version(find_object(name, what), what)
@@ -239,11 +199,7 @@ def check_versions(versions: Mapping[str, str], what: str, allow: Collection[str
 
 
 def check_signature(function: Callable[..., Any], what: str, *names: str) -> None:
-    """Refuse what is no function of so many positional arguments.
-
-    Raises:
-        RunError: naming the arguments.
-    """
+    """Refuse what is no function of so many positional arguments."""
     try:
         inspect.signature(function).bind(*names)
     except (TypeError, ValueError) as error:

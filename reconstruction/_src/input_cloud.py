@@ -19,17 +19,7 @@ def make_cloud(
     seen_from: ArrayLike | None = None,
     colors: ArrayLike | None = None,
 ) -> Cloud:
-    """Return the points as a cloud, recentered where they are far from the origin.
-
-    Args:
-        points: `[N, 3]` positions [m], or a cloud, whose own fields the other arguments replace.
-        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the points [m].
-        seen_from: `[N]` index of the viewpoint of every point.
-        colors: `[N, 3]` red, green, blue from 0 to 255.
-
-    Raises:
-        ReconstructionError: the points hold no surface, or another argument is of no use.
-    """
+    """Return the points as a cloud, recentered where they are far from the origin."""
     given = points if isinstance(points, Cloud) else None
     checked = check_points(points.points if isinstance(points, Cloud) else points)
     if viewpoints is not None:
@@ -103,11 +93,7 @@ def join_clouds(first: Cloud, second: Cloud) -> Cloud:
 
 
 def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
-    """Return the viewpoints as an array `[K, 3]`.
-
-    Raises:
-        ReconstructionError: another shape, no numbers, or not finite.
-    """
+    """Return the viewpoints as an array `[K, 3]`."""
     try:
         array = np.asarray(viewpoints, dtype=np.float64)
         is_right = array.shape[-1:] == (3,) and array.ndim <= 2 and array.size and np.isfinite(array).all()

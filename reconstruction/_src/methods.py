@@ -54,11 +54,7 @@ class Network(Protocol):
 
 
 def find_method(method: str) -> tuple[Network, type[NetworkConfig]]:
-    """Return the network and the configuration of a method.
-
-    Raises:
-        ReconstructionError: there is no such method.
-    """
+    """Return the network and the configuration of a method."""
     if method not in METHODS:
         raise ReconstructionError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
     module, config = METHODS[method]

@@ -38,11 +38,7 @@ class Saved(NamedTuple):
 
 
 def write_saved(path: Path, saved: Saved) -> None:
-    """Write a reconstruction, atomically.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Write a reconstruction, atomically."""
     header = {
         "format": FORMAT,
         "version": VERSION,
@@ -61,15 +57,7 @@ def write_saved(path: Path, saved: Saved) -> None:
 
 
 def read_saved(path: str | os.PathLike[str], max_bytes: float) -> Saved:
-    """Read what `write_saved` wrote.
-
-    Args:
-        path: .npz.
-        max_bytes: the most that the file may hold once unpacked.
-
-    Raises:
-        ReconstructionError: missing, damaged, not such a file, or of a newer version.
-    """
+    """Read what `write_saved` wrote."""
     try:
         arrays = read_npz(path, max_bytes=max_bytes)
         header = json.loads(str(arrays.pop("header")))
@@ -112,11 +100,7 @@ def _list_arrays(cloud: Cloud) -> dict[str, np.ndarray]:
 
 
 def _make_cloud(arrays: dict[str, np.ndarray], prefix: str) -> Cloud:
-    """Return a cloud from its arrays.
-
-    Raises:
-        ReconstructionError: naming the array that no cloud can have.
-    """
+    """Return a cloud from its arrays."""
     _check_positions("points", arrays[f"{prefix}points"])
     viewpoints = arrays.get(f"{prefix}viewpoints")
     return Cloud(
@@ -129,11 +113,7 @@ def _make_cloud(arrays: dict[str, np.ndarray], prefix: str) -> Cloud:
 
 
 def _check_state(state: State) -> None:
-    """Refuse arrays of a file that no network leaves behind.
-
-    Raises:
-        ReconstructionError: naming the array.
-    """
+    """Refuse arrays of a file that no network leaves behind."""
     _check_positions("units", state.units)
     faces, count = np.asarray(state.faces), state.units.size // 3
     if not len(faces) or faces.dtype.kind not in "iu" or faces.min() < 0 or faces.max() >= count:

@@ -10,11 +10,7 @@ NAMED_ARENAS = ("truth", "simple", "stairs", *SCANNED_PITS)
 
 
 def find_assets() -> Path:
-    """Return the folder `assets`: inside the package in a wheel, next to it in a checkout.
-
-    Raises:
-        ArenaError: there is none.
-    """
+    """Return the folder `assets`: inside the package in a wheel, next to it in a checkout."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "assets", package.parent / "assets"):
         if folder.is_dir():

@@ -41,17 +41,6 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
     """Make the ready-made arenas and save each in a folder of its name.
 
     The course is looked at by the scanner of the survey alone; the arenas made of its points know nothing of it.
-
-    Args:
-        folder: where the arenas' folders go.
-        seed: seed of the survey and the networks.
-        progress: called with what is being done and the share done.
-
-    Returns:
-        Name -> arena, as saved.
-
-    Raises:
-        ArenaError: there is something else in one of these folders.
     """
     scanned = [find_scanned_name(method, pit) for method, pits in SCANNED_PITS.items() for pit in pits]
     for name in (*EXACT, *scanned):

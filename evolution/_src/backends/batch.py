@@ -18,11 +18,7 @@ class BatchBackend:
         self._simulate, self._workers = simulate, workers
 
     def run(self, jobs: Sequence[Job]) -> list[Outcome]:
-        """Return one outcome for each job, in order.
-
-        Raises:
-            RunError: the run itself is wrong.
-        """
+        """Return one outcome for each job, in order."""
         return run_isolated(self._simulate, jobs, self._workers) if jobs else []
 
     def close(self) -> None:

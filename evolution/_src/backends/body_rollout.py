@@ -17,12 +17,7 @@ logger = logging.getLogger(__name__)
 
 
 def simulate_bodies(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
-    """Try jobs; those of a body whose environment cannot be made fail, as where no way is wide enough for it.
-
-    Args:
-        jobs: genotypes and their trials, of one or several bodies.
-        threads: number of threads of `mujoco.batch`; they change nothing but the time.
-    """
+    """Try jobs; those of a body whose environment cannot be made fail, as where no way is wide enough for it."""
     try:
         return rollout.simulate(jobs, threads)
     except NoEnvironmentError as error:

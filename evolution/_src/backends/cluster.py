@@ -31,17 +31,7 @@ class _Actor:
 
 
 def connect_cluster(ray: Any, workers: int, address: str | None, timeout: float) -> None:
-    """Connect to a running cluster, or start one on this machine; its workers find the same modules.
-
-    Args:
-        ray: the module.
-        workers: CPUs of a cluster on this machine.
-        address: address of a running cluster ("auto" finds it); None starts one.
-        timeout: how long a cluster may take to answer [s].
-
-    Raises:
-        RunError: no cluster answers.
-    """
+    """Connect to a running cluster, or start one on this machine; its workers find the same modules."""
     host, _, port = (address or "").removeprefix("ray://").rpartition(":")
     if host and port.isdigit():
         try:

@@ -42,11 +42,7 @@ class StoredDescriptors:
     text: str
 
     def restore(self, what: str, allow: Collection[str] = ()) -> tuple[Recorder, ...]:
-        """Return the recorders; of the user's code only modules in `allow` are imported.
-
-        Raises:
-            RunError: one cannot be restored, or needs other code.
-        """
+        """Return the recorders; of the user's code only modules in `allow` are imported."""
         content = json.loads(self.text)
         versions = (
             content.pop() if content and isinstance(content[-1], dict) and "versions" in content[-1] else {}
@@ -59,14 +55,7 @@ class StoredDescriptors:
 
 
 def check_descriptors(descriptors: Any) -> Any:
-    """Return recorders; what a file says of them stays as it is.
-
-    Args:
-        descriptors: names of `RECORDERS`, recorders, or functions of a `TaskState` that return `[N, ...]` numbers.
-
-    Raises:
-        RunError: one is none of these.
-    """
+    """Return recorders; what a file says of them stays as it is."""
     if isinstance(descriptors, StoredDescriptors):
         return descriptors
     if isinstance(descriptors, str) or not isinstance(descriptors, Sequence):
@@ -87,11 +76,7 @@ def _find_recorder(given: "str | Recorder | Callable[..., Any]") -> Recorder:
 
 
 def descriptors_to_json(descriptors: Any) -> Any:
-    """Return JSON content that restores recorders.
-
-    Raises:
-        RunError: one cannot be restored.
-    """
+    """Return JSON content that restores recorders."""
     if isinstance(descriptors, StoredDescriptors):
         return json.loads(descriptors.text)
     try:

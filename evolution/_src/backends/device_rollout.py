@@ -28,16 +28,7 @@ _TICKS_BETWEEN_LOOKS = 16
 
 
 def make_device_environment(controller: Controller, stretches: Sequence[float], **options: Any) -> Any:
-    """Return an environment whose physics is on a device, and all else if it can be.
-
-    Args:
-        controller: what will act in it.
-        stretches: factors on the length of the arena.
-        options: of the environment.
-
-    Raises:
-        LayoutError: there are several stretches, and one environment holds one.
-    """
+    """Return an environment whose physics is on a device, and all else if it can be."""
     if len(stretches) > 1:
         raise LayoutError(f"backend 'warp' holds one arena, and there are stretches {tuple(stretches)}")
     try:
@@ -50,11 +41,7 @@ def make_device_environment(controller: Controller, stretches: Sequence[float], 
 
 
 def _check_controller(controller: Controller, environment: DeviceVectorEnv) -> None:
-    """Trace a controller.
-
-    Raises:
-        TypeError: it does not run on a device.
-    """
+    """Trace a controller."""
     import jax
 
     num, shape = environment.num_envs, (environment.num_envs, len(controller.parameters))
@@ -83,14 +70,7 @@ def is_on_device(environment: Any) -> bool:
 def run_on_device(
     environment: DeviceVectorEnv, controller: Controller, genotypes: Float[np.ndarray, "N G"], begun: Any
 ) -> tuple[dict[str, np.ndarray], Float[np.ndarray, " N"]]:
-    """Run one episode of every simulation; return the last `info` and the work of the hinges' reward.
-
-    Args:
-        environment: with the mode "Disabled".
-        controller: what acts.
-        genotypes: one for each simulation.
-        begun: observations at the start; simulations that have not begun are done.
-    """
+    """Run one episode of every simulation; return the last `info` and the work of the hinges' reward."""
     import jax
     import jax.numpy as jnp
 

@@ -13,15 +13,7 @@ OWN_FIELDS = ("arena", "modules", "organism", "task", "start")
 
 
 def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: object = None) -> Options:
-    """Return options as sorted pairs, lists in them as tuples.
-
-    Args:
-        options: name and value of each.
-        task: whose parameters are options as well; None for the usual one.
-
-    Raises:
-        RunError: the environment has no such option, or not with such a value.
-    """
+    """Return options as sorted pairs, lists in them as tuples."""
     pairs = options.items() if isinstance(options, Mapping) else options
     found = tuple(sorted((str(name), _freeze(value)) for name, value in pairs))
     for name, value in found:

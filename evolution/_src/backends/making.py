@@ -38,19 +38,7 @@ def make_backend(
     simulate: Simulate | None = None,
     pool: PoolConfig | None = None,
 ) -> Backend:
-    """Make a backend.
-
-    Args:
-        name: "batch", "processes", "ray" or "warp".
-        workers: threads, processes or actors.
-        address: address of an existing Ray cluster; None starts a local one.
-        simulate: the function that tries jobs; None means physics.
-        pool: parameters of the distribution of jobs to processes or actors, and their time limits.
-
-    Raises:
-        RunError: unknown name, workers below 1, or Ray is not installed.
-        MissingExtraError: the extra `gpu` is not installed, which "warp" needs.
-    """
+    """Make a backend."""
     if workers < 1:
         raise RunError(f"workers is {workers}; at least 1 is needed")
     check_choice("backend", name, BACKENDS, RunError)

@@ -52,11 +52,7 @@ class Nested:
         """Refuse values that were given together and contradict each other; a default is not among them."""
 
     def take_others(self, others: dict[str, Any]) -> None:
-        """Take values that no field has.
-
-        Raises:
-            TypeError: there are any.
-        """
+        """Take values that no field has."""
         if others:
             name = type(self).__name__
             raise TypeError(

@@ -45,11 +45,7 @@ class Outcome:
 
 
 def check_tried(outcomes: Sequence[Outcome]) -> None:
-    """Refuse outcomes of which every one is the same error: no genotype is to blame.
-
-    Raises:
-        RunError: it repeats the error.
-    """
+    """Refuse outcomes of which every one is the same error: no genotype is to blame."""
     errors = {"" if outcome.diverged else outcome.error for outcome in outcomes}
     if len(errors) == 1 and "" not in errors:
         raise RunError(f"none of {len(outcomes)} genotypes could be tried: {errors.pop()}")

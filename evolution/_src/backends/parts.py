@@ -171,24 +171,13 @@ class ControlConfig:
         check_choice("origin", self.origin, ORIGINS, RunError)
 
     def make_controller(self, organism: Organism, episode: EpisodeConfig) -> Controller:
-        """Return the controller for a body.
-
-        Raises:
-            RunError: there is no such controller, or it does not suit the body.
-        """
+        """Return the controller for a body."""
         num_tracks = count_tracks(episode.track_control, organism.num_modules)
         return find_controller(self.controller, organism, self.controller_config, num_tracks)
 
 
 def check_body_options(values: Mapping[str, Any]) -> None:
-    """Refuse two bodies: a number of modules, and an organism with another number.
-
-    Args:
-        values: the options that were given, by name.
-
-    Raises:
-        RunError: both are given.
-    """
+    """Refuse two bodies: a number of modules, and an organism with another number."""
     modules, organism = values.get("modules"), values.get("organism")
     if modules is None or organism is None or isinstance(modules, Organism | str):
         return
@@ -201,21 +190,13 @@ def check_body_options(values: Mapping[str, Any]) -> None:
 
 
 def take_environment(config: Nested, others: dict[str, Any]) -> None:
-    """Take options of the environment as those of the episode of a configuration; only while it is made.
-
-    Raises:
-        RunError: the environment has no such option.
-    """
+    """Take options of the environment as those of the episode of a configuration; only while it is made."""
     if others:
         config.set_field("environment", dict(config.episode.environment) | others)
 
 
 def read_organism(organism: Organism | int | str | PathLike[str]) -> Organism:
-    """Return the organism that something names; a number is the length of a snake.
-
-    Raises:
-        RunError: it names none.
-    """
+    """Return the organism that something names; a number is the length of a snake."""
     if isinstance(organism, Organism):
         return organism
     from symbrion_gym._src.robot.body_plans import load_organism

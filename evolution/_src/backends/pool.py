@@ -94,11 +94,7 @@ class WorkerPool(ABC, Generic[Worker]):
         """Stop a worker, dead or alive."""
 
     def run(self, jobs: Sequence[Job]) -> list[Outcome]:
-        """Return one outcome for each job, in order.
-
-        Raises:
-            RunError: the run itself is wrong, or no worker can start.
-        """
+        """Return one outcome for each job, in order."""
         pending = deque(self._make_batches(len(jobs)))
         outcomes: dict[int, Outcome] = {}
         busy: dict[int, tuple[Worker, list[int]]] = {}

@@ -25,15 +25,7 @@ def find_arena_key(arena: "ArenaSource") -> object:
 
 
 def prepare_arena(arena: "ArenaSource", progress: Progress = silent) -> "ArenaSource":
-    """Return an arena, loaded or built where it is a file or a folder; the next call returns the same one.
-
-    Args:
-        arena: a name, a path or an `Arena`.
-        progress: called with the progress of building it.
-
-    Raises:
-        ArenaError: there is no such arena, or it cannot be built.
-    """
+    """Return an arena, loaded or built where it is a file or a folder; the next call returns the same one."""
     if not isinstance(arena, str | PathLike) or arena in NAMED_ARENAS:
         return arena
     key = str(arena), _find_time(Path(arena))

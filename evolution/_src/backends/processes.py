@@ -23,11 +23,7 @@ READY = "ready"
 
 
 def share_pipe(handle: int) -> dict[str, Any]:
-    """Return the options of `subprocess.Popen` by which a new process inherits one end of a pipe, and no other.
-
-    Args:
-        handle: file descriptor of the end; on Windows its handle.
-    """
+    """Return the options of `subprocess.Popen` by which a new process inherits one end of a pipe, and no other."""
     if sys.platform != "win32":
         return {"pass_fds": [handle]}
     os.set_handle_inheritable(handle, True)

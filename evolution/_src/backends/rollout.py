@@ -62,28 +62,14 @@ _separate: set[Hashable] = set()
 
 
 def simulate_on_device(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
-    """Try jobs on a GPU in single precision, all trials of a stretch of the arena at once; see `simulate`.
-
-    Raises:
-        NoEnvironmentError: the environment cannot be made.
-    """
+    """Try jobs on a GPU in single precision, all trials of a stretch of the arena at once; see `simulate`."""
     return simulate(jobs, threads, engine="warp")
 
 
 def simulate(
     jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None = None, engine: str = "mujoco"
 ) -> list[Outcome]:
-    """Try jobs in the environment.
-
-    Args:
-        jobs: genotypes and their trials.
-        threads: number of threads of `mujoco.batch`; they change nothing but the time.
-        config: parameters of the simulation of trials; None for those of the jobs.
-        engine: of the physics: "mujoco" or "warp".
-
-    Raises:
-        NoEnvironmentError: the environment cannot be made.
-    """
+    """Try jobs in the environment."""
     groups: dict[Hashable, list[Trial]] = defaultdict(list)
     for index, job in enumerate(jobs):
         key = find_environment_key(job.trials), job.trials.randomization.stretch
@@ -103,17 +89,7 @@ def simulate(
 
 
 def warm_up(trials: Trials, num_jobs: int, threads: int, engine: str = "mujoco") -> None:
-    """Compile the environment in which jobs will be tried, which also checks arena, body, start and goal.
-
-    Args:
-        trials: of each job.
-        num_jobs: number of jobs.
-        threads: number of threads of `mujoco.batch`.
-        engine: of the physics: "mujoco" or "warp".
-
-    Raises:
-        NoEnvironmentError: the environment cannot be made.
-    """
+    """Compile the environment in which jobs will be tried, which also checks arena, body, start and goal."""
     job = Job(np.zeros(len(find_trial_controller(trials).parameters)), trials)
     expected = [trial for index in range(num_jobs) for trial in split_job(index, job)]
     for environment, _ in _group_by_environment(trials, expected, threads, trials.rollout, engine):
@@ -131,12 +107,7 @@ def find_environment_key(trials: Trials) -> Hashable:
 
 
 def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
-    """Return the options of the environment in which trials take place.
-
-    Args:
-        trials: arena, body and further options.
-        stuck_time: as in `RolloutConfig`; None for that of the trials.
-    """
+    """Return the options of the environment in which trials take place."""
     sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
     patience = {"stuck_time": stuck_time} if trials.episode.has_parameter("stuck_time") else {}
@@ -192,12 +163,7 @@ def _find_environment(
     config: RolloutConfig,
     engine: str,
 ) -> SnakePitVectorEnv:
-    """Return a large enough environment, a new one or one that was used before.
-
-    Raises:
-        LayoutError: the stretched arenas do not fit into one vector environment.
-        NoEnvironmentError: it cannot be made.
-    """
+    """Return a large enough environment, a new one or one that was used before."""
     on_device = engine != "mujoco"
     sizes = _list_device_sizes(num_trials) if on_device else config.batch_sizes
     size = next((size for size in sizes if size >= num_trials), sizes[-1])

@@ -53,11 +53,7 @@ class Scoring:
 
 
 def find_scoring(scoring: ScoringFunction | Reference | str) -> ScoringFunction | Reference:
-    """Return a scoring, imported where it is named; a reference that a file contains stays one.
-
-    Raises:
-        RunError: it cannot be imported, or is no function of (outcome, body).
-    """
+    """Return a scoring, imported where it is named; a reference that a file contains stays one."""
     if isinstance(scoring, Reference):
         return scoring
     found: Any = find_object(scoring, "scoring") if isinstance(scoring, str) else scoring
@@ -79,11 +75,7 @@ def _make_instance(found: type) -> object:
 
 
 def compute_fitness(scoring: ScoringFunction | Reference, outcome: Outcome, body: Organism) -> float:
-    """Return the fitness of an outcome.
-
-    Raises:
-        RunError: the scoring has not been restored, raises an error, or returns no finite number.
-    """
+    """Return the fitness of an outcome."""
     if isinstance(scoring, Reference):
         raise RunError(f"scoring {scoring.name} is not imported; `resume` restores it")
     try:

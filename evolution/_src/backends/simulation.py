@@ -17,11 +17,7 @@ Simulate = Callable[[Sequence[Job], int], list[Outcome]]
 
 
 def run_isolated(simulate: Simulate, jobs: Sequence[Job], threads: int) -> list[Outcome]:
-    """Run jobs such that one that raises, or returns invalid numbers, affects no other.
-
-    Raises:
-        RunError: the run itself is wrong.
-    """
+    """Run jobs such that one that raises, or returns invalid numbers, affects no other."""
     try:
         outcomes = simulate(jobs, threads)
         if len(outcomes) != len(jobs):
@@ -44,11 +40,7 @@ def _replace_non_finite(outcome: Outcome, trials: Trials) -> Outcome:
 
 
 def name_simulate(simulate: Simulate) -> str:
-    """Return "module:function", by which a worker finds it.
-
-    Raises:
-        RunError: it is not a function of a module.
-    """
+    """Return "module:function", by which a worker finds it."""
     module, name = simulate.__module__, getattr(simulate, "__qualname__", "<no function>")
     if "<" in name:
         raise RunError(f"workers cannot import {module}:{name}; simulate must be a function of a module")

@@ -22,11 +22,7 @@ class StoredTask:
     text: str
 
     def restore(self, allow: Collection[str] = ()) -> Any:
-        """Return the task; of the user's code only modules in `allow` are imported.
-
-        Raises:
-            RunError: it cannot be restored, needs other code, or has changed since.
-        """
+        """Return the task; of the user's code only modules in `allow` are imported."""
         from symbrion_gym._src.tasks.task import read_task  # loads MuJoCo
 
         content = json.loads(self.text)
@@ -38,11 +34,7 @@ class StoredTask:
 
 
 def check_task(task: Any) -> Any:
-    """Return a task: None, a `Task`, its name, "module:name" of one or of its maker, or what a file says of it.
-
-    Raises:
-        RunError: it is none of these.
-    """
+    """Return a task: None, a `Task`, its name, "module:name" of one or of its maker, or what a file says of it."""
     if task is None or isinstance(task, StoredTask):
         return task
     if isinstance(task, dict):
@@ -72,11 +64,7 @@ def _find_named(name: str) -> Any:
 
 
 def task_to_json(task: Any) -> Any:
-    """Return JSON content that restores a task.
-
-    Raises:
-        RunError: it cannot be restored.
-    """
+    """Return JSON content that restores a task."""
     if task is None or isinstance(task, str):
         return task
     if isinstance(task, StoredTask):

@@ -14,13 +14,6 @@ def run_in_cluster(workers: int, address: str | None = None) -> RunJobs:
     """Return a function that runs jobs over a Ray cluster, one CPU each; for `rc.reconstruct_tiles(run_jobs=...)`.
 
     Jobs name files: the folder of the tiles must be one that all nodes see at the same place.
-
-    Args:
-        workers: CPUs of a cluster on this machine; a running one uses all that it has.
-        address: address of a running cluster ("auto" finds it); None starts one on this machine.
-
-    Raises:
-        RunError: Ray is not installed; or later, no cluster answers, or a job died.
     """
     try:
         import ray

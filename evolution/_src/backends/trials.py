@@ -180,11 +180,7 @@ class Trials(Nested):
 
 
 def find_trial_controller(trials: Trials) -> Controller:
-    """Return the controller of trials, for their body.
-
-    Raises:
-        RunError: there is no such controller, or it does not suit the body.
-    """
+    """Return the controller of trials, for their body."""
     return trials.control.make_controller(trials.body.find_organism(), trials.episode)
 
 

@@ -8,12 +8,7 @@ from evolution._src.errors import RunError
 
 
 def main(descriptor: int, simulate_name: str) -> None:
-    """Serve until the other end closes.
-
-    Args:
-        descriptor: file descriptor of the pipe, inherited; on Windows its handle.
-        simulate_name: "module:function" that tries jobs.
-    """
+    """Serve until the other end closes."""
     connection = open_pipe(descriptor)
     simulate = find_simulate(simulate_name)
     try:

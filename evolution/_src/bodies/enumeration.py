@@ -16,9 +16,6 @@ def enumerate_bodies(num_modules: int) -> list[BodyGenome]:
 
     A body without overlap has a leaf, and is without overlap when the leaf is taken off; so all bodies of n modules
     come from those of n - 1 by adding a module on a free socket.
-
-    Raises:
-        RunError: less than one module, or more than can be listed.
     """
     if not 1 <= num_modules <= MAX_ENUMERATED:
         raise RunError(f"the number of modules must be 1 to {MAX_ENUMERATED}, got {num_modules}")

@@ -156,11 +156,7 @@ def join_limbs(limbs: Mapping[str, BodyGenome]) -> BodyGenome:
 
 
 def make_row(num_modules: int) -> BodyGenome:
-    """Return modules in a row, each docked to the back of the one ahead.
-
-    Raises:
-        RunError: less than one module.
-    """
+    """Return modules in a row, each docked to the back of the one ahead."""
     if num_modules < 1:
         raise RunError(f"a row has at least 1 module, got {num_modules}")
     row = BodyGenome()
@@ -170,11 +166,7 @@ def make_row(num_modules: int) -> BodyGenome:
 
 
 def genome_of(organism: Organism) -> BodyGenome:
-    """Return the genome of an organism; nothing in it is mirrored.
-
-    Raises:
-        RunError: two arms or two sockets are docked to each other.
-    """
+    """Return the genome of an organism; nothing in it is mirrored."""
     children: dict[int, dict[str, int]] = {module: {} for module in range(organism.num_modules)}
     roots = set(children)
     for docking in organism.dockings:
@@ -196,11 +188,7 @@ def genome_of(organism: Organism) -> BodyGenome:
 
 
 def parse_genome(text: str) -> BodyGenome:
-    """Return the genome that a text describes, as `BodyGenome.text` writes it.
-
-    Raises:
-        RunError: the text is no genome.
-    """
+    """Return the genome that a text describes, as `BodyGenome.text` writes it."""
     genome, end = _parse(text, 0, text)
     if end != len(text):
         raise RunError(f"cannot read the genome {text!r}: {text[end]!r} at character {end}")

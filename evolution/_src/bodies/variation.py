@@ -119,20 +119,7 @@ def mutate(
     limits: BodyLimits | None = None,
     operators: tuple[str, ...] = tuple(OPERATORS),
 ) -> BodyGenome:
-    """Return a child with one change.
-
-    Args:
-        genome: the parent.
-        rng: drawn from.
-        limits: how large a body may be.
-        operators: names of mutations in `OPERATORS`.
-
-    Returns:
-        A valid body of another shape or with another mirror rule; the parent where no operator has one.
-
-    Raises:
-        RunError: an operator does not exist.
-    """
+    """Return a child with one change."""
     limits = limits or BodyLimits()
     unknown = [name for name in operators if name not in OPERATORS]
     if unknown:
@@ -149,11 +136,7 @@ def mutate(
 def cross_over(
     first: BodyGenome, second: BodyGenome, rng: np.random.Generator, limits: BodyLimits | None = None
 ) -> BodyGenome:
-    """Return a child: the first parent with one of its limbs replaced by one of the second's.
-
-    Returns:
-        A valid body that differs from the first parent; the first parent where there is none.
-    """
+    """Return a child: the first parent with one of its limbs replaced by one of the second's."""
     limits = limits or BodyLimits()
     limbs = {second.find_limb(path).text: second.find_limb(path) for path in second.find_paths()}
     children: dict[str, BodyGenome] = {}

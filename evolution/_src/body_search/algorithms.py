@@ -52,11 +52,7 @@ class Breeder:
         return Pupil(make_random_body(self._rng, self._config.limits))
 
     def breed(self, parents: Sequence[Lesson]) -> Pupil:
-        """Return a child of one or two parents that win tournaments; founders and random bodies where there is none.
-
-        Args:
-            parents: those that may take part, the fittest first.
-        """
+        """Return a child of one or two parents that win tournaments; founders and random bodies where there is none."""
         if self._founders:
             return Pupil(self._founders.pop(), self._config.founder_genes)
         if not parents or self._rng.random() < self._config.random_share:

@@ -90,27 +90,14 @@ class FreshTrials:
         return replace(self, tried=(*self.tried[:index], more, *self.tried[index + 1 :]))
 
     def to_bytes(self, digest: str) -> bytes:
-        """Return the content of the file; equal trials give equal bytes.
-
-        Args:
-            digest: digest of the configuration of the run.
-        """
+        """Return the content of the file; equal trials give equal bytes."""
         content = {"format": FORMAT, "digest": digest, "candidates": self.count}
         content |= _list_rules(self.rules) | {"tried": [each._asdict() for each in self.tried]}
         return (json.dumps(content, indent=1) + "\n").encode()
 
     @classmethod
     def from_bytes(cls, content: bytes, digest: str, source: str) -> FreshTrials:
-        """Read the content of the file.
-
-        Args:
-            content: as returned by `to_bytes`.
-            digest: digest of the configuration of the run.
-            source: its name, for messages.
-
-        Raises:
-            RunError: damaged, of another format or of a run with another configuration.
-        """
+        """Read the content of the file."""
         try:
             read = json.loads(content)
             if (read["format"], read["digest"]) != (FORMAT, digest):

@@ -69,13 +69,7 @@ class Learner:
         return all(self._record.find(each.pupil.key, each.rung) is not None for each in assignments)
 
     def learn(self, assignments: Sequence[Assignment], on_tried: OnTried | None = None) -> list[Lesson]:
-        """Let each pupil learn to the end of its rung, where it has not yet, and return what it knows then.
-
-        Args:
-            assignments: who learns, and how far.
-            on_tried: called with the trials so far, after each body of a generation where this process runs them; it
-                changes nothing else.
-        """
+        """Let each pupil learn to the end of its rung, where it has not yet, and return what it knows then."""
         missing: dict[str, Assignment] = {}
         for each in assignments:
             if self._record.find(each.pupil.key, each.rung) is None:

@@ -64,13 +64,7 @@ class _Likeness(NamedTuple):
 
 
 def describe_shape(body: BodyGenome) -> Float[np.ndarray, " 7"]:
-    """Return the shape of a body, everything in numbers or lengths of modules; equal for mirror images.
-
-    Returns:
-        Number of modules, length and width with straight hinges, modules that look along the body, modules in the row
-        behind the root, greatest number of modules in a chain from the root, distance of the center from the root's
-        axis.
-    """
+    """Return the shape of a body, everything in numbers or lengths of modules; equal for mirror images."""
     return _describe(body.canonical_text)
 
 

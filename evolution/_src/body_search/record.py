@@ -66,11 +66,7 @@ class BodyRecord:
         self._lessons[lesson.pupil.key, lesson.rung] = lesson
 
     def to_bytes(self, digest: str) -> bytes:
-        """Return the content of the file; equal records give equal bytes.
-
-        Args:
-            digest: digest of the configuration of the run.
-        """
+        """Return the content of the file; equal records give equal bytes."""
         content = {
             "format": FORMAT,
             "digest": digest,
@@ -81,16 +77,7 @@ class BodyRecord:
 
     @classmethod
     def from_bytes(cls, content: bytes, digest: str, source: str) -> BodyRecord:
-        """Read the content of the file.
-
-        Args:
-            content: as returned by `to_bytes`.
-            digest: digest of the configuration of the run.
-            source: its name, for messages.
-
-        Raises:
-            RunError: damaged, of another format or of a run with another configuration.
-        """
+        """Read the content of the file."""
         try:
             read = json.loads(content)
             if read["format"] != FORMAT:

@@ -152,11 +152,7 @@ def has_bodies(folder: str | Path) -> bool:
 
 
 def begin_folder(folder: Path, config: BodyEvolutionConfig) -> None:
-    """Write the configuration and an empty record into a folder without a run. Call it only with the lock.
-
-    Raises:
-        RunError: the folder contains a run, or files that a run would replace.
-    """
+    """Write the configuration and an empty record into a folder without a run. Call it only with the lock."""
     taken = [name for name in (CONFIG, RECORD, TABLE, CHAMPION, FRESH) if (folder / name).exists()]
     if taken:
         raise RunError(f"{folder} contains {', '.join(taken)}; resume the run there, or name another folder")
@@ -174,11 +170,7 @@ def change_folder(folder: Path, config: BodyEvolutionConfig, record: BodyRecord)
 
 
 def read_folder(folder: Path) -> tuple[BodyEvolutionConfig, BodyRecord]:
-    """Read configuration and record.
-
-    Raises:
-        RunError: there is no search for bodies, or it is damaged or contradicts its configuration.
-    """
+    """Read configuration and record."""
     if not (folder / CONFIG).exists():
         raise RunError(f"{folder} contains no run: {CONFIG} is missing")
     if not has_bodies(folder):
@@ -193,32 +185,20 @@ def read_folder(folder: Path) -> tuple[BodyEvolutionConfig, BodyRecord]:
 
 
 def write_run(folder: Path, run: BodyRun) -> None:
-    """Write the record, then the files derived from it.
-
-    Raises:
-        RunError: the disk is full or read-only; the last checkpoint survives.
-    """
+    """Write the record, then the files derived from it."""
     _replace(folder / RECORD, run.record.to_bytes(run.config.digest()))
     _replace(folder / TABLE, format_table(run.record).encode())
     write_champion(run)
 
 
 def write_champion(run: BodyRun) -> None:
-    """Write the champion into the folder of a run, if it has a folder and a champion.
-
-    Raises:
-        RunError: the disk is full or read-only.
-    """
+    """Write the champion into the folder of a run, if it has a folder and a champion."""
     if run.folder is not None and run.champion is not None:
         _replace(run.folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
 
 
 def read_fresh_trials(folder: Path, config: BodyEvolutionConfig) -> FreshTrials | None:
-    """Read the fresh trials of bodies; None where there are none.
-
-    Raises:
-        RunError: they are damaged, or contradict the configuration.
-    """
+    """Read the fresh trials of bodies; None where there are none."""
     path = folder / FRESH
     if not path.exists():
         return None
@@ -230,11 +210,7 @@ def read_fresh_trials(folder: Path, config: BodyEvolutionConfig) -> FreshTrials 
 
 
 def write_fresh_trials(folder: Path | None, config: BodyEvolutionConfig, fresh: FreshTrials) -> None:
-    """Write the fresh trials of bodies, if the run has a folder.
-
-    Raises:
-        RunError: the disk is full or read-only; what was tried before is kept.
-    """
+    """Write the fresh trials of bodies, if the run has a folder."""
     if folder is not None:
         _replace(folder / FRESH, fresh.to_bytes(config.digest()))
 

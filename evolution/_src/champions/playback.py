@@ -152,18 +152,7 @@ def make_champion_trials(
     allow: Collection[str] = (),
     **others: Any,
 ) -> Trials:
-    """Return trials of a champion: its body, its controller and its task, all found anew in the arena.
-
-    Args:
-        champion: champion to try.
-        arena: a name, folder, file or `Arena`.
-        start: as of `judge`.
-        allow: as of `judge`.
-        others: other fields of the trials.
-
-    Raises:
-        RunError: controller or task cannot be restored.
-    """
+    """Return trials of a champion: its body, its controller and its task, all found anew in the arena."""
     champion = restore(champion, allow)
     episode = champion.episode
     if start is None and isinstance(episode.find_start(), str):

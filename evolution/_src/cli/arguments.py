@@ -7,11 +7,7 @@ from symbrion_gym._src.assets import NAMED_ARENAS
 
 
 def check_arena(arena: str) -> None:
-    """Refuse an arena that is neither the name of a ready-made one nor an existing file or folder.
-
-    Raises:
-        UsageError: the message lists the names.
-    """
+    """Refuse an arena that is neither the name of a ready-made one nor an existing file or folder."""
     if arena in NAMED_ARENAS or Path(arena).exists():
         return
     raise UsageError(
@@ -20,11 +16,7 @@ def check_arena(arena: str) -> None:
 
 
 def check_arena_folder(arena: str) -> None:
-    """Refuse a damaged arena folder before anything is written; what it contains is kept for the run.
-
-    Raises:
-        ArenaError: the message names the file and the field.
-    """
+    """Refuse a damaged arena folder before anything is written; what it contains is kept for the run."""
     if arena not in NAMED_ARENAS and Path(arena).is_dir():
         from evolution._src.backends.prepared_arenas import prepare_arena
 

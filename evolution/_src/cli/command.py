@@ -64,11 +64,8 @@ class SeededCommand(Command):
 
 
 def find_modules_here(*names: object) -> None:
-    """Let the command line name modules in the working folder, after all others; unless it names code, none is found.
-
-    Args:
-        names: values of options: "module:name" of a controller, task or fitness, or modules of `--allow-code`.
-    """
+    """Let the command line name modules in the working folder, after all others; unless it names code, none
+    is found."""
     if any(isinstance(name, str) and (":" in name or name.isidentifier()) for name in names):
         with contextlib.suppress(OSError):  # the folder has been removed
             here = os.getcwd()

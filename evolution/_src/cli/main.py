@@ -60,14 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command line.
-
-    Args:
-        arguments: the words after `symbrion`.
-
-    Returns:
-        The exit code: 0 success, 1 failure, 2 wrong usage, 3 missed under `--strict`, 130 interrupted by the keyboard.
-    """
+    """Run one command line."""
     if list(arguments) == ["--version"]:
         sys.stdout.write(f"symbrion-gym {version('symbrion-gym')}\n")
         return 0
@@ -94,11 +87,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _parse(arguments: Sequence[str]) -> Command:
-    """Return the command of a command line.
-
-    Raises:
-        SystemExit: with 0 after `--help`, with 2 after wrong usage.
-    """
+    """Return the command of a command line."""
     errors = io.StringIO()
     try:
         with contextlib.redirect_stderr(errors):

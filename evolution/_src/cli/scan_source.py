@@ -94,11 +94,7 @@ class ScanCommand(SeededCommand):
         self._check_camera()
 
     def _check_camera(self) -> None:
-        """Refuse options of a depth image for other files, and a depth image without them.
-
-        Raises:
-            UsageError: naming the option.
-        """
+        """Refuse options of a depth image for other files, and a depth image without them."""
         is_picture = self.source.suffix.lower() in PICTURES
         if self.intrinsics is None:
             if is_picture:
@@ -120,11 +116,7 @@ class ScanCommand(SeededCommand):
             )
 
     def read_scan(self) -> Scan:
-        """Return the points of SCAN, pre-processed, cropped and thinned as the options say.
-
-        Raises:
-            UsageError: SCAN is a mesh, of a size that needs the user's word, or has no points in the box.
-        """
+        """Return the points of SCAN, pre-processed, cropped and thinned as the options say."""
         log = self._read_log()
         readings = rc.recenter(rc.make_log_cloud(log)) if log is not None else self._read_cloud()
         box = self._find_box(readings)
@@ -149,11 +141,7 @@ class ScanCommand(SeededCommand):
         return 1e9 * self.max_gigabytes
 
     def _read_log(self) -> rc.ScanLog | None:
-        """Return the scan log that SCAN is, or None where it is something else.
-
-        Raises:
-            UsageError: options of point files with a log, which knows its frame and positions.
-        """
+        """Return the scan log that SCAN is, or None where it is something else."""
         if self.intrinsics is not None or not is_scan_log(self.source):
             return None
         given = [name for name in ("up", "viewpoint") if getattr(self, name)] + ["scale"] * (self.scale != 1)
@@ -164,11 +152,7 @@ class ScanCommand(SeededCommand):
         return rc.load_scan_log(self.source, self._max_bytes)
 
     def _read_cloud(self) -> rc.Cloud:
-        """Return all points of a file that is no log.
-
-        Raises:
-            UsageError: SCAN is a mesh, or of a size that needs the user's word.
-        """
+        """Return all points of a file that is no log."""
         if self.intrinsics is not None:
             scale = self.depth_scale if self.depth_scale is None else self.depth_scale * self.scale
             return rc.load_depth_image(

@@ -17,11 +17,7 @@ def prepare_streams() -> None:
 
 
 def flush_streams() -> OSError | None:
-    """Write buffered output, so that nothing fails when the interpreter ends.
-
-    Returns:
-        The error, for example of a full disk; None, too, if the reader of a pipe has closed it.
-    """
+    """Write buffered output, so that nothing fails when the interpreter ends."""
     problem = None
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -28,11 +28,7 @@ class TileOptions:
     """With --tile: address of an existing Ray cluster, whose nodes see the folder --out at the same place."""
 
     def check_tiles(self, out: Path) -> None:
-        """Refuse impossible tiles and options that go only without them.
-
-        Raises:
-            UsageError: the message names option and remedy.
-        """
+        """Refuse impossible tiles and options that go only without them."""
         require_writable_folder(out, "--out")
         if self.workers < 1:
             raise UsageError(f"--workers {self.workers} is too few; give 1 or more")

@@ -25,12 +25,7 @@ _HINT = re.compile(r"(--[\w.-]+) .*? in symbrion (\S+) --help")
 
 
 def flatten_report(report: str, arguments: Sequence[str]) -> str:
-    """Return the report of the parser as one line.
-
-    Args:
-        report: what the parser printed.
-        arguments: the words after `symbrion`.
-    """
+    """Return the report of the parser as one line."""
     lines = [re.sub(r"[╭╮╰╯│]", " ", line).strip() for line in report.splitlines()]
     text = " ".join(line for line in lines[1:] if line.strip("─- "))
     for pattern, replacement in _REPLACED:

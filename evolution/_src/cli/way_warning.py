@@ -25,13 +25,7 @@ TASK = "traverse"
 def warn_of_way(
     config: ev.EvolutionConfig | ev.BodyEvolutionConfig, smallest: Organism, largest: Organism
 ) -> None:
-    """Log one line if the way of a search over a scan leaves drivable ground; a task that fails says so itself.
-
-    Args:
-        config: the search.
-        smallest: its shortest body.
-        largest: its longest one.
-    """
+    """Log one line if the way of a search over a scan leaves drivable ground; a task that fails says so itself."""
     episode = config.episode
     if episode.task != TASK or not isinstance(config.arena, str) or config.arena in NAMED_ARENAS:
         return

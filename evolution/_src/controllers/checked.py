@@ -98,11 +98,7 @@ class CheckedController:
         return _as_tuple(self.controller.initial, float)
 
     def begin(self, count: int) -> Any:
-        """Return the state of `count` controllers before their first observation.
-
-        Raises:
-            RunError: the controller raises, or an array of its state has another length.
-        """
+        """Return the state of `count` controllers before their first observation."""
         try:
             state = self.controller.begin(count)
         except Exception as error:
@@ -122,11 +118,7 @@ class CheckedController:
         structure: Structure,
         state: Any,
     ) -> tuple[Float[np.ndarray, "P A"], Any]:
-        """Return the actions and the new state; one genotype may stand for all rows.
-
-        Raises:
-            RunError: the controller raises, or returns anything else than actions and a state.
-        """
+        """Return the actions and the new state; one genotype may stand for all rows."""
         count = len(observation)
         genes = np.broadcast_to(genotype, (count, genotype.shape[-1]))
         try:

@@ -139,14 +139,7 @@ class LawController:
         structure: Structure,
         state: State,
     ) -> tuple[Float[Any, "P A"], State]:
-        """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds.
-
-        Args:
-            observation: one row for each controller.
-            genotype: one row for each controller, or one genotype for all.
-            structure: slice of each quantity in an observation.
-            state: as returned by `begin` or the previous call.
-        """
+        """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds."""
         xp = find_namespace(observation)
         genes = xp.broadcast_to(genotype, (len(observation), len(self.parameters)))
         num_drive = len(self.drive.parameters)
@@ -185,17 +178,7 @@ OwnController = LawController | OscillatorController
 def make_law(
     name: str, organism: Organism, config: ControllerConfig | None = None, num_tracks: int = 0
 ) -> OwnController:
-    """Make a law of ours for a body.
-
-    Args:
-        name: of `CONTROLLERS`.
-        organism: the body.
-        config: parameters of the controller that are not evolved.
-        num_tracks: number of track speeds in an action.
-
-    Raises:
-        RunError: there is no such law, or the body has neither a hinge nor a track to control.
-    """
+    """Make a law of ours for a body."""
     check_choice("controller", name, CONTROLLERS, RunError)
     if not organism.hinges and not num_tracks:
         raise RunError(
@@ -213,11 +196,7 @@ def make_law(
 
 
 def make_controller(name: str, modules: int, config: ControllerConfig | None = None) -> OwnController:
-    """Make a law of ours for a snake; see `make_law`.
-
-    Raises:
-        RunError: there is no such law, or the snake has no hinge.
-    """
+    """Make a law of ours for a snake; see `make_law`."""
     check_choice("controller", name, CONTROLLERS, RunError)
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")

@@ -71,13 +71,7 @@ class Drive:
     def act(
         self, genes: Float[Any, "P D"], observation: Float[Any, "P O"], structure: Structure
     ) -> Float[Any, "P T"]:
-        """Return track speeds, as shares of their full speed.
-
-        Args:
-            genes: those of `parameters`.
-            observation: one row for each simulation; without a goal in it, the body goes straight on.
-            structure: slice of each quantity in an observation.
-        """
+        """Return track speeds, as shares of their full speed."""
         xp = find_namespace(genes)
         if not len(self.ahead):
             return xp.zeros((len(genes), 0))
@@ -99,27 +93,14 @@ def find_bearing(observation: Float[Any, "P O"], structure: Structure) -> Float[
 
 
 def count_tracks(track_control: str, num_modules: int) -> int:
-    """Return the number of track speeds in an action under the option `track_control` of the environment.
-
-    Raises:
-        RunError: there is no such way to control tracks.
-    """
+    """Return the number of track speeds in an action under the option `track_control` of the environment."""
     counts = {"constant": 0, "body": 1, "modules": num_modules, "skid": 2 * num_modules}
     check_choice("track_control", track_control, tuple(counts), RunError)
     return counts[track_control]
 
 
 def make_drive(organism: Organism, num_tracks: int, bound: float) -> Drive:
-    """Return how the tracks of a body drive it.
-
-    Args:
-        organism: the body.
-        num_tracks: number of track speeds in an action: 0, 1 (all alike), one a module, or two (left, right).
-        bound: largest absolute value of a gene.
-
-    Raises:
-        RunError: another number of track speeds.
-    """
+    """Return how the tracks of a body drive it."""
     count = organism.num_modules
     if num_tracks not in (0, 1, count, 2 * count):
         raise RunError(

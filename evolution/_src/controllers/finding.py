@@ -63,21 +63,7 @@ def find_controller(
 def refer_to_controller(
     spec: Any, organism: Organism, num_tracks: int = 0, *, must_be_found: bool = False
 ) -> Any:
-    """Return what stands for a controller in the configuration of a run and in jobs.
-
-    Args:
-        spec: as in `find_controller`, or what `controller_to_json` returned.
-        organism: a body that it moves; only its version is read.
-        num_tracks: number of track speeds in an action.
-        must_be_found: refuse what could not be found again, for a record or workers in other processes.
-
-    Returns:
-        The name of a law of ours; a `ControllerSource` of a controller of a user, which can be hashed, compared and
-        pickled; or `spec` itself if it cannot be found again (a lambda, say), which `controller_to_json` refuses.
-
-    Raises:
-        RunError: there is no such controller, or it could not be found again; the message says why.
-    """
+    """Return what stands for a controller in the configuration of a run and in jobs."""
     if isinstance(spec, Mapping):
         return _read_reference(spec)
     if isinstance(spec, ControllerSource):
@@ -95,16 +81,7 @@ def refer_to_controller(
 
 
 def check_genotype(name: str, genotype: Sequence[float], controller: Controller) -> None:
-    """Refuse a genotype that is not one of a controller.
-
-    Args:
-        name: of the option that has it.
-        genotype: the genes.
-        controller: as returned by `find_controller`.
-
-    Raises:
-        RunError: there are more or fewer genes, or one is out of its bounds; by its name.
-    """
+    """Refuse a genotype that is not one of a controller."""
     if len(genotype) != len(controller.parameters):
         raise RunError(
             f"{name} has {len(genotype)} genes; {controller.name} has {len(controller.parameters)} for this body: "
@@ -118,14 +95,7 @@ def check_genotype(name: str, genotype: Sequence[float], controller: Controller)
 
 
 def controller_to_json(controller: Any) -> str | dict[str, Any]:
-    """Return what a record holds of a controller: its name and version, and of a user's where it is found.
-
-    Args:
-        controller: as returned by `find_controller` or `refer_to_controller`.
-
-    Raises:
-        RunError: it could not be found again from the record; the message says why.
-    """
+    """Return what a record holds of a controller: its name and version, and of a user's where it is found."""
     if isinstance(controller, str) and ":" not in controller:
         check_choice("controller", controller, CONTROLLERS, RunError)
         return controller
@@ -150,18 +120,7 @@ def read_controller(
     num_tracks: int = 0,
     allow: Collection[str] = (),
 ) -> Controller:
-    """Return the controller of a record.
-
-    Args:
-        content: as returned by `controller_to_json`.
-        organism: body that it moves.
-        config: as in `find_controller`.
-        num_tracks: as in `find_controller`.
-        allow: modules of users that may be imported.
-
-    Raises:
-        RunError: it cannot be restored: its module is not allowed, is missing or fails, or its version has changed.
-    """
+    """Return the controller of a record."""
     if not isinstance(content, str | Mapping):
         raise RunError(f"controller is {content!r}; a name, or name, version and source are needed")
     reference = _read_reference(content) if isinstance(content, Mapping) else content

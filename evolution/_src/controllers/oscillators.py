@@ -153,14 +153,7 @@ class OscillatorController:
         structure: Structure,
         state: OscillatorState,
     ) -> tuple[Float[Any, "P A"], OscillatorState]:
-        """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds.
-
-        Args:
-            observation: one row for each controller.
-            genotype: one row for each controller, or one genotype for all.
-            structure: slice of each quantity in an observation.
-            state: as returned by `begin` or the previous call.
-        """
+        """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds."""
         xp = find_namespace(observation)
         genes = xp.broadcast_to(genotype, (len(observation), len(self.parameters)))
         gene = {name: genes[:, index : index + 1] for index, name in enumerate(self.parameters)}
@@ -265,16 +258,7 @@ def make_oscillators(
     hinge_range: float,
     twist_range: float = pi / 2,
 ) -> OscillatorController:
-    """Make coupled oscillators for a body.
-
-    Args:
-        config: parameters that are not evolved.
-        bound: largest absolute value of a gene other than a lag.
-        joints: the hinges of the body.
-        drive: its tracks.
-        hinge_range: largest angle of a hinge to either side [rad].
-        twist_range: likewise of the rotation of an arm.
-    """
+    """Make coupled oscillators for a body."""
     kinds = tuple(side for side in SIDES if side in joints.dock)
     parents = _find_parents(joints)
     return OscillatorController(joints, drive, kinds, parents, hinge_range, bound, config, twist_range)

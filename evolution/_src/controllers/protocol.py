@@ -78,11 +78,7 @@ class Controller(Protocol):
 
 
 def check_genotypes(controller: Controller, genotypes: Float[np.ndarray, "*P G"]) -> None:
-    """Refuse genotypes that do not fit a controller.
-
-    Raises:
-        RunError: wrong length, or not finite.
-    """
+    """Refuse genotypes that do not fit a controller."""
     genes = controller.parameters
     if genotypes.shape[-1] != len(genes):
         more = ", ..." if len(genes) > MAX_NAMED_GENES else ""
@@ -100,11 +96,6 @@ def warn_of_bounds(controller: Controller, genotypes: Float[np.ndarray, "*P G"],
     CMA-ES of `evolve` maps samples into the bounds, and learns from what was tried. Genotypes of other searches
     are neither refused, as laws act beyond their bounds, too, nor clipped: a search that does not know of it would
     learn from genotypes that were never tried.
-
-    Args:
-        controller: whose bounds.
-        genotypes: finite, one per row.
-        stacklevel: as of `warnings.warn`.
 
     Warns:
         OutOfBoundsWarning: with the first such gene.
@@ -127,13 +118,7 @@ def warn_of_bounds(controller: Controller, genotypes: Float[np.ndarray, "*P G"],
 def reset_rows(
     controller: Controller, state: Any, rows: Int[np.ndarray, " R"] | Bool[np.ndarray, " P"] | list[int]
 ) -> Any:
-    """Return a state in which some controllers begin anew.
-
-    Args:
-        controller: controller whose state it is.
-        state: as returned by `begin` or `act`; it is not changed.
-        rows: which controllers, as indices or as a mask.
-    """
+    """Return a state in which some controllers begin anew."""
     arrays = find_arrays(state)
     return _combine(state, controller.begin(len(arrays[0])), rows) if arrays else state
 

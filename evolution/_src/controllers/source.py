@@ -46,11 +46,7 @@ class ControllerSource:
             object.__setattr__(self, "arguments", arguments)
 
     def make(self, organism: Organism, num_tracks: int) -> Any:
-        """Return the controller for a body.
-
-        Raises:
-            RunError: its module is missing, it is of another version than recorded, or it cannot be made.
-        """
+        """Return the controller for a body."""
         if not self.is_allowed:
             check_allowed(self.source, "controller", ())
         found = import_path(self.source)
@@ -67,11 +63,7 @@ class ControllerSource:
         return made
 
     def allow(self, modules: Collection[str]) -> ControllerSource:
-        """Return the source that may be imported.
-
-        Raises:
-            RunError: its module is not among those allowed.
-        """
+        """Return the source that may be imported."""
         if not self.is_allowed:
             check_allowed(self.source, "controller", modules)
         return dataclasses.replace(self, is_allowed=True)
@@ -83,11 +75,7 @@ class ControllerSource:
 
 
 def read_source(content: Mapping[str, Any]) -> ControllerSource:
-    """Return the source that `ControllerSource.as_dict` described, without importing anything.
-
-    Raises:
-        RunError: the content is none.
-    """
+    """Return the source that `ControllerSource.as_dict` described, without importing anything."""
     try:
         given = {name: value for name, value in content.items() if name != "is_allowed"}
         return dataclasses.replace(as_type(given, ControllerSource, "controller"), is_allowed=False)
@@ -96,11 +84,7 @@ def read_source(content: Mapping[str, Any]) -> ControllerSource:
 
 
 def find_source(spec: Any, name: str, version: str) -> ControllerSource:
-    """Return the reference to what a user gave as a controller: an object, a class, a function or "module:name".
-
-    Raises:
-        RunError: it could not be found again from a record or in another process; the message says why.
-    """
+    """Return the reference to what a user gave as a controller: an object, a class, a function or "module:name"."""
     if isinstance(spec, str):
         return ControllerSource(name, version, spec)
     if isinstance(spec, type) or inspect.isroutine(spec):
@@ -120,11 +104,7 @@ def find_source(spec: Any, name: str, version: str) -> ControllerSource:
 
 
 def _find_path(thing: Any, qualname: str) -> str:
-    """Return "module:name", by which an importable thing is found again.
-
-    Raises:
-        RunError: it is not found there.
-    """
+    """Return "module:name", by which an importable thing is found again."""
     module = thing.__module__ if hasattr(thing, "__module__") else type(thing).__module__
     what = f"controller {module}:{qualname}"
     if "<" in qualname:
@@ -143,11 +123,7 @@ def _find_path(thing: Any, qualname: str) -> str:
 
 
 def split_path(path: str) -> tuple[str, str]:
-    """Return module and name of "module:name".
-
-    Raises:
-        RunError: it is no such text.
-    """
+    """Return module and name of "module:name"."""
     module, _, name = path.partition(":")
     if not all(part.isidentifier() for part in (*module.split("."), *name.split("."))):
         raise RunError(f'controller is {path!r}; "module:name" is needed, such as "my_package.walking:Wave"')
@@ -155,11 +131,7 @@ def split_path(path: str) -> tuple[str, str]:
 
 
 def import_path(path: str) -> Any:
-    """Import what "module:name" names.
-
-    Raises:
-        RunError: there is no such module or name, or importing it fails.
-    """
+    """Import what "module:name" names."""
     module, name = split_path(path)
     try:
         found: Any = importlib.import_module(module)
@@ -177,17 +149,7 @@ def import_path(path: str) -> Any:
 
 
 def make_from(found: Any, organism: Organism, num_tracks: int, what: str) -> Any:
-    """Return a controller: what was found, or what it makes as a class or function of the organism.
-
-    Args:
-        found: controller, class or function; it gets the organism, and `num_tracks` where it takes that.
-        organism: body to be moved.
-        num_tracks: number of track speeds in an action.
-        what: name of what was found, for messages.
-
-    Raises:
-        RunError: it fails, or cannot be called.
-    """
+    """Return a controller: what was found, or what it makes as a class or function of the organism."""
     if not isinstance(found, type) and hasattr(found, "act"):
         return found
     if not callable(found):
@@ -203,11 +165,7 @@ def make_from(found: Any, organism: Organism, num_tracks: int, what: str) -> Any
 
 
 def call_maker(make: Callable[[], Any], what: str) -> Any:
-    """Return what a class or function of a user makes.
-
-    Raises:
-        RunError: it raises whatever else.
-    """
+    """Return what a class or function of a user makes."""
     try:
         return make()
     except RunError:

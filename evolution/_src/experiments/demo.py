@@ -108,18 +108,7 @@ class DemoResult:
 
 
 def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
-    """Run all steps from the survey to the video of the champion.
-
-    Args:
-        config: the configuration of the demo.
-        track: starts a step of the progress display.
-
-    Raises:
-        RunError: the folder contains files that no demo wrote, or the evolution fails.
-        ScanError: the survey cannot be pre-processed.
-        ReconstructionError: a network cannot learn the points.
-        ArenaError: a surface cannot become an arena.
-    """
+    """Run all steps from the survey to the video of the champion."""
     seconds: dict[str, float] = {}
     claim_folder(config)
     with track("1/7 survey of the true arena") as step:
@@ -175,11 +164,7 @@ def paint_truth() -> sg.Arena:
 
 
 def claim_folder(config: DemoConfig) -> None:
-    """Write `demo.json`, which allows a later demo to replace the files of this one.
-
-    Raises:
-        RunError: the folder contains a file that the demo would replace and no demo wrote.
-    """
+    """Write `demo.json`, which allows a later demo to replace the files of this one."""
     _refuse_foreign_marker(config.folder / MARKER)
     refuse_foreign_files(config.folder, MARKER, OUTPUTS)
     config.folder.mkdir(parents=True, exist_ok=True)

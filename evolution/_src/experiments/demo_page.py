@@ -28,12 +28,7 @@ MILLIMETERS = 1000.0
 
 
 def write_demo_page(result: "DemoResult", path: Path) -> None:
-    """Write the page of a demo as one self-contained HTML file.
-
-    Args:
-        result: the result of the demo.
-        path: the HTML file.
-    """
+    """Write the page of a demo as one self-contained HTML file."""
     page = Page(
         "From a laser scan to a snake that crosses the pit",
         summary="A virtual robot scans the arena with two laser scanners, self-organizing networks turn the scan "

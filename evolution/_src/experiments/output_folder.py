@@ -8,17 +8,7 @@ from evolution._src.errors import RunError
 
 
 def refuse_foreign_files(folder: Path, marker: str, names: Iterable[str]) -> None:
-    """Refuse a folder in which a command would overwrite files that it did not write.
-
-    Args:
-        folder: the output folder of the command; need not exist.
-        marker: the file that the command writes there first; where it exists, the other files are the command's, too.
-        names: files and folders that the command makes.
-
-    Raises:
-        RunError: a file or folder of one of these names exists, and no marker; or one of them is a link, behind which
-            what is written would go elsewhere.
-    """
+    """Refuse a folder in which a command would overwrite files that it did not write."""
     links = [name for name in (marker, *names) if (folder / name).is_symlink()]
     if links:
         raise RunError(f"{folder / links[0]} is a link to elsewhere; name another folder, or move the link")

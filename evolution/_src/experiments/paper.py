@@ -146,24 +146,7 @@ NEAR_PIT = -0.35
 def run_experiments(
     folder: Path, is_quick: bool, seed: int, track: Track, workers: int = os.cpu_count() or 1
 ) -> dict[str, Result]:
-    """Run all experiments whose results do not exist yet.
-
-    Args:
-        folder: of the results, see `claim_folder`.
-        is_quick: with `QUICK` sizes.
-        seed: of all random numbers.
-        track: starts a step of the progress display.
-        workers: threads; the results do not depend on their number.
-
-    Returns:
-        Name -> `figures` (of the experiment), `seconds`, `cpu_seconds`, `date` and `machine`.
-
-    Raises:
-        RunError: a result in the folder is damaged, or an evolution fails.
-        ScanError: the survey fails.
-        ReconstructionError: a network cannot learn the points.
-        ArenaError: a surface cannot become an arena.
-    """
+    """Run all experiments whose results do not exist yet."""
     sizes = QUICK if is_quick else FULL
     experiments: dict[str, tuple[str, Callable[[rc.Progress], Any]]] = {
         "cloud": ("Fig. 3: survey and cloud", lambda progress: measure_cloud(folder, seed, progress)),
@@ -188,11 +171,7 @@ def run_experiments(
 
 
 def claim_folder(folder: Path, options: Result) -> None:
-    """Write the options into a new folder, or refuse one with others.
-
-    Raises:
-        RunError: it belongs to other options, is damaged, or holds files that are not ours.
-    """
+    """Write the options into a new folder, or refuse one with others."""
     path = folder / MARKER
     if not path.is_file():
         refuse_foreign_files(folder, MARKER, OUTPUTS)
@@ -208,11 +187,7 @@ def claim_folder(folder: Path, options: Result) -> None:
 
 @contextmanager
 def lock_folder(folder: Path) -> Iterator[None]:
-    """Lock a folder against other writers.
-
-    Raises:
-        RunError: another process is writing to it.
-    """
+    """Lock a folder against other writers."""
     lock = filelock.FileLock(folder / ".lock")
     try:
         lock.acquire(timeout=0)
@@ -232,11 +207,7 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def read_result(path: Path) -> Result:
-    """Return the saved result of an experiment.
-
-    Raises:
-        RunError: it is damaged.
-    """
+    """Return the saved result of an experiment."""
     try:
         result = read_json(path)
         if not isinstance(result, dict) or not {"figures", "seconds", "machine", "date"} <= set(result):
@@ -259,13 +230,7 @@ def _time_work(work: Callable[[rc.Progress], Any], progress: rc.Progress) -> Res
 
 
 def measure_cloud(folder: Path, seed: int, progress: rc.Progress = rc.silent) -> Result:
-    """Survey the true arena and measure the points after each step of preprocessing (Fig. 3).
-
-    Returns:
-        `scans`, `beams`; `steps`: rows with `step`, `readings` and their distance within the bounding box of the arena
-        from the true surface, `mean` and `p95` [m]; `mixed`: numbers of beams that mix two surfaces, of the others, and
-        of those removed.
-    """
+    """Survey the true arena and measure the points after each step of preprocessing (Fig. 3)."""
     truth = sg.load_arena("truth").surface
     log = sg.survey("truth", seed=seed, progress=progress)
     log.save(folder / LOG)
@@ -315,13 +280,7 @@ def load_network(folder: Path, name: str) -> rc.Reconstruction:
 def measure_networks(
     folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent
 ) -> list[Result]:
-    """Reconstruct the survey at every size (Table I).
-
-    Returns:
-        Rows with `network`, `method`, `size`, `triangles`, `cold_seconds` (first call without compiled programs),
-        `warm_seconds` (median of the next three), distances from and to the true surface [m], and `boundary_loops`.
-        The last row is the hand-made model, without its vertical sides, which no scan sees.
-    """
+    """Reconstruct the survey at every size (Table I)."""
     truth, cloud = sg.load_arena("truth").surface, folder / CLOUD
     points = rc.load_points(cloud)
     (folder / "surfaces").mkdir(exist_ok=True)
@@ -396,12 +355,7 @@ def load_arena(folder: Path, name: str) -> sg.Arena:
 
 
 def build_arenas(folder: Path, seed: int, progress: rc.Progress = rc.silent) -> list[Result]:
-    """Build the arenas of Tables II and III and save each as a folder.
-
-    Returns:
-        Rows with `arena`, `text`, `pieces`, `triangles` of the exact surface, `seconds`, and the distance of the
-        contact geometry from the true surface, `mean` and `p95` [m]; None for a height field.
-    """
+    """Build the arenas of Tables II and III and save each as a folder."""
     truth, simple, rows = sg.load_arena("truth").surface, sg.load_arena("simple"), []
     for index, (name, (method, kind, text)) in enumerate(RECIPES.items()):
         progress(text, index / len(RECIPES))
@@ -432,12 +386,7 @@ def build_arenas(folder: Path, seed: int, progress: rc.Progress = rc.silent) -> 
 def evolve_champion(
     folder: Path, sizes: PaperSizes, seed: int, workers: int, progress: rc.Progress = rc.silent
 ) -> Result:
-    """Evolve in the GSRM arena, or resume that run, and judge the champion there and in the true arena.
-
-    Returns:
-        `champion`, `genotypes`, `generations`, the learning curve `evaluations`, `best`, `median`, and `judged`: arena
-        -> `successes` and `trials`.
-    """
+    """Evolve in the GSRM arena, or resume that run, and judge the champion there and in the true arena."""
     wanted = ev.EvolutionConfig(
         arena=str((folder / "arenas" / "gsrm").resolve()),
         modules=MODULES,
@@ -470,11 +419,6 @@ def measure_physics(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Pro
 
     The arenas alternate run by run, so that a machine that slows down slows all of them down; run i has the same
     conditions in all of them.
-
-    Returns:
-        `rows`, one for each arena: `physics_us` of a whole step and `collision_us` within it (mean, deviation and
-        median over the runs), `contacts` per step, number of `crossed` runs; `ratios` to the hand-made model with 95 %
-        intervals; `interrupted`, the share of ticks that other work interrupted and that are left out; `runs`.
     """
     champion = ev.load_champion(folder / RUN)
     sensors = make_controller(champion.controller, champion.modules).sensors
@@ -640,11 +584,6 @@ def measure_laser(folder: Path, sizes: PaperSizes, progress: rc.Progress = rc.si
 
     The methods alternate, a block of poses each. The processor time of the thread that scans is measured, so that other
     work does not count; of brute force, whose matrix products may use several threads, that of the process.
-
-    Returns:
-        `beams`, the share of them that `hits` the arena; `rows`, one for each model and method: `model`, `method`,
-        `triangles`, `scan_us` (mean, deviation, median), `scans`; `ratios` of each method: GG and GSRM to the hand-made
-        model; `powers`: by method, the exponent with which the median time grows with the number of triangles.
     """
     arenas = {name: load_arena(folder, name) for name in ("gg", "gsrm", "simple")}
     methods: dict[str, Callable[[sg.Arena], Caster]] = {"tree": TreeCaster}
@@ -700,12 +639,7 @@ def measure_laser(folder: Path, sizes: PaperSizes, progress: rc.Progress = rc.si
 
 
 def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
-    """Film robots in the true arena (Fig. 7): an insufficiently evolved one, one that is too short, the champion.
-
-    Returns:
-        Robot -> `modules`, `success`, `progress` [m], `seconds`, and `moments`, the times of the three frames [s]
-        (empty where the machine has no OpenGL).
-    """
+    """Film robots in the true arena (Fig. 7): an insufficiently evolved one, one that is too short, the champion."""
     run = ev.load_run(folder / RUN)
     champion = run.champion
     assert champion is not None
@@ -730,12 +664,7 @@ def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progres
 
 
 def select_frames(positions: Float[np.ndarray, "ticks modules 3"], num_frames: int) -> list[int]:
-    """Return the indices of three frames: shortly before the pit, half way from there to the end, and the last.
-
-    Args:
-        positions: positions of the modules, head first [m].
-        num_frames: number of frames of the video, evenly distributed over the ticks.
-    """
+    """Return the indices of three frames: shortly before the pit, half way from there to the end, and the last."""
     is_near = positions[:, 0, 0] > NEAR_PIT
     arrives, last = int(np.argmax(is_near)) if is_near.any() else 0, len(positions) - 1
     ticks = np.array([arrives, (arrives + last) / 2, last])
@@ -768,12 +697,6 @@ def summarize(values: Sequence[float]) -> dict[str, float]:
 
 def compute_ratio(costs: Sequence[float], reference: Sequence[float], seed: int = 0) -> Mapping[str, float]:
     """Return the ratio of two mean costs with its bootstrap interval of 95 %.
-
-    Args:
-        costs: cost of every run.
-        reference: measured alternately in the same runs. A run is resampled with both its costs, so that a slowdown of
-            the machine that affects both does not count.
-        seed: of the resampling.
 
     References:
         Efron and Tibshirani (1993), An Introduction to the Bootstrap, section 13.3 (percentile interval).

@@ -111,11 +111,7 @@ class PaperPage:
         self._points: Float[np.ndarray, "N 3"] = rc.load_points(folder / CLOUD)
 
     def write(self, path: Path) -> None:
-        """Write the page as one self-contained HTML file.
-
-        Raises:
-            RunError: a file of the experiments is absent or damaged.
-        """
+        """Write the page as one self-contained HTML file."""
         self._add_verdicts()
         self.page.add_contents()
         self._add_scene()

@@ -12,20 +12,7 @@ from evolution._src.search.run import RunFolder
 def find_run_champion(
     folder: Path, arena: str, modules: int, seed: int, generations: int, workers: int, progress: rc.Progress
 ) -> ev.Champion:
-    """Return the champion of a run of evolution; an unfinished run goes on.
-
-    Args:
-        folder: of the run.
-        arena: name or folder of an arena.
-        modules: of the snake.
-        seed: of the run.
-        generations: at most.
-        workers: processes.
-        progress: called with what is being done.
-
-    Raises:
-        RunError: the run found no champion.
-    """
+    """Return the champion of a run of evolution; an unfinished run goes on."""
     if RunFolder(folder).has_run():
         run = ev.resume(str(folder), progress=progress, workers=workers)
     else:

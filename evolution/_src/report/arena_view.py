@@ -85,15 +85,6 @@ def draw_arena(
     """Draw an arena from two sides; what is seen from behind, like a ceiling from above, is left out.
 
     What trails far off the scene is outside the picture (`find_frame`).
-
-    Args:
-        arena: any arena.
-        layers: what is drawn, of `LAYERS`.
-        ground: where a body can drive, for the layer "drivable".
-        route: way on it, for the layer "route".
-        robot: what stands at the start of the route, in the layer "route"; None for nothing.
-        has_plan: draw it from above, too, with coordinates in meters.
-        way: start and goal of a straight way, for the plan.
     """
     front, labels = find_touchable(arena) if "contact" in layers else (np.zeros((0, 3, 3)), np.zeros(0, int))
     route = route if "route" in layers else None

@@ -22,13 +22,7 @@ _LEAST_SPAN = 0.45
 
 
 def draw_bodies(bodies: Sequence[BodyGenome], labels: Sequence[str], columns: int = COLUMNS) -> Figure:
-    """Draw bodies in a grid, all to the same scale; the module with the free arm, which looks ahead, looks up.
-
-    Args:
-        bodies: what to draw.
-        labels: a line below each.
-        columns: bodies side by side.
-    """
+    """Draw bodies in a grid, all to the same scale; the module with the free arm, which looks ahead, looks up."""
     columns = min(columns, max(len(bodies), 1))
     rows = ceil(max(len(bodies), 1) / columns)
     figure = Figure(figsize=(_CELL[0] * columns, _CELL[1] * rows), dpi=DPI, layout="constrained")

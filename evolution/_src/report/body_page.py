@@ -28,17 +28,7 @@ MOST_CARDS = 24
 
 
 def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Progress = silent) -> Page:
-    """Return a page on which the bodies of a run can be looked through.
-
-    Args:
-        run: a search for bodies.
-        num_films: how many of them are filmed, the fittest first; the machine needs OpenGL.
-        seed: seed of the trials that are filmed.
-        progress: called with the body that is filmed and the share done.
-
-    Raises:
-        RunError: no body has learned yet.
-    """
+    """Return a page on which the bodies of a run can be looked through."""
     fittest = run.list_fittest()[:MOST_CARDS]
     if not fittest:
         raise RunError("no body has learned yet; resume the run")

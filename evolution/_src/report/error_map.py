@@ -35,10 +35,6 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
     """Draw where the contact geometry of an arena differs from its surface, from two sides.
 
     Faces seen from behind are left out, so that one looks into a room through its ceiling.
-
-    Args:
-        arena: any arena.
-        limit: distance at the ends of the color scale [m]; by default the 95th percentile, rounded up.
     """
     surface = np.asarray(arena.surface.triangles)
     front, labels = find_touchable(arena)

@@ -37,15 +37,7 @@ def draw_cloud(
     bounds: Float[np.ndarray, "2 3"] | None = None,
     colors: UInt8[np.ndarray, "N 3"] | None = None,
 ) -> Figure:
-    """Draw a point cloud, colored by height, or in its own colors.
-
-    Args:
-        points: the cloud [m]; every n-th point is drawn.
-        limit: number of points drawn at most.
-        marked: points drawn in red over the others [m].
-        bounds: lower and upper corner of the region that is shown [m], for the same camera in several figures.
-        colors: red, green and blue of the points, 0 to 255.
-    """
+    """Draw a point cloud, colored by height, or in its own colors."""
     if bounds is not None:
         inside = ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
         points, colors = points[inside], None if colors is None else colors[inside]
@@ -70,13 +62,7 @@ def draw_surface(
     points: Float[np.ndarray, "N 3"] | None = None,
     bounds: Float[np.ndarray, "2 3"] | None = None,
 ) -> Figure:
-    """Draw a shaded mesh with its edges, or in its own colors without them, and some points of the cloud.
-
-    Args:
-        mesh: the surface.
-        points: points of the cloud [m]; every n-th point is drawn over the mesh.
-        bounds: lower and upper corner of the region that is shown [m], for the same camera in several figures.
-    """
+    """Draw a shaded mesh with its edges, or in its own colors without them, and some points of the cloud."""
     figure = Figure(figsize=(12, 8), dpi=DPI)
     axes = _make_3d_axes(figure, mesh.vertices if bounds is None else bounds)
     color = np.array(to_rgb(SURFACE_COLOR))
@@ -118,15 +104,7 @@ def draw_section(
     x_limits: tuple[float, float] = (-1.0, 1.0),
     marked: Float[np.ndarray, "M 3"] | None = None,
 ) -> Figure:
-    """Draw a vertical section along the course: every surface as a line, the points near it as dots.
-
-    Args:
-        meshes: label -> surface, or pieces.
-        points: the cloud [m].
-        y: position of the section across the course [m].
-        x_limits: the part of the course that is shown [m].
-        marked: points drawn in red where they are near the section [m].
-    """
+    """Draw a vertical section along the course: every surface as a line, the points near it as dots."""
     figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     if points is not None:
@@ -168,13 +146,7 @@ def draw_section(
 def draw_learning_curve(
     evaluations: Real[np.ndarray, " G"], best: Real[np.ndarray, " G"], median: Real[np.ndarray, " G"]
 ) -> Figure:
-    """Draw fitness over the number of evaluated genotypes.
-
-    Args:
-        evaluations: genotypes evaluated by the end of each generation.
-        best: best fitness of each generation.
-        median: median fitness of each generation.
-    """
+    """Draw fitness over the number of evaluated genotypes."""
     figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.plot(evaluations, best, color=PALETTE[0], marker="o", ms=3, label="best of the generation")
@@ -188,13 +160,7 @@ def draw_learning_curve(
 def draw_tracks(
     positions: Float[np.ndarray, "T M 3"], surface: trimesh.Trimesh, snapshots: int = 7
 ) -> Figure:
-    """Draw the body from the side at several times, over the ground it drives on.
-
-    Args:
-        positions: centers of the modules over time [m].
-        surface: the arena's surface.
-        snapshots: number of times that are drawn, from violet (early) to yellow (late).
-    """
+    """Draw the body from the side at several times, over the ground it drives on."""
     figure = Figure(figsize=(CHART_WIDTH, 2.2), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.add_collection(LineCollection(list(_cut(surface, 0.013)), colors=INK_COLOR, linewidths=1.6))

@@ -28,13 +28,7 @@ _LEAST_AROUND = 1.0
 def find_frame(
     arena: sg.Arena, route: DrivingRoute | None = None, way: Pair | None = None
 ) -> Float[np.ndarray, "N 3"]:
-    """Return the points that a picture of an arena shows: vertices of its surface, and the route.
-
-    Args:
-        arena: any arena.
-        route: a way in it that is drawn; one that is short in a large scene is framed closely.
-        way: start and goal of a straight way that is drawn, too.
-    """
+    """Return the points that a picture of an arena shows: vertices of its surface, and the route."""
     vertices = np.asarray(arena.surface.vertices, dtype=np.float64)
     low, high = np.percentile(vertices, [_TAIL, 100.0 - _TAIL], axis=0)
     reach = _BEYOND * np.maximum(high - low, 0.2 * (high - low).max())

@@ -107,11 +107,7 @@ class Page:
         self._blocks.append({"kind": "cards", "cards": shown, "caption": caption})
 
     def add_scene(self, scene: Scene, caption: str) -> None:
-        """Add an interactive scene and its switches; a page can have one.
-
-        Raises:
-            ValueError: the page has a scene already.
-        """
+        """Add an interactive scene and its switches; a page can have one."""
         if any(block["kind"] == "scene" for block in self._blocks):
             raise ValueError("a page can have one scene, and has one already")
         switches = scene.switches()

@@ -71,14 +71,7 @@ class Pixels(NamedTuple):
 
 
 def make_view(points: Float[np.ndarray, "N 3"], elevation: float, azimuth: float, width: int) -> View:
-    """Return a view in which points fill the picture, which is at most 3/4 as high as it is wide.
-
-    Args:
-        points: what is to be seen, such as the vertices of a mesh [m].
-        elevation: angle of the camera above the horizon [degree].
-        azimuth: direction from the middle to the camera, from x towards y [degree].
-        width: pixels.
-    """
+    """Return a view in which points fill the picture, which is at most 3/4 as high as it is wide."""
     up, around = np.radians(elevation), np.radians(azimuth)
     right = np.array([-np.sin(around), np.cos(around), 0.0])
     towards = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
@@ -92,13 +85,7 @@ def make_view(points: Float[np.ndarray, "N 3"], elevation: float, azimuth: float
 
 
 def rasterize(triangles: Float[np.ndarray, "F 3 3"], view: View, is_culled: bool = True) -> Pixels:
-    """Return the nearest triangle in every pixel.
-
-    Args:
-        triangles: corners [m], counterclockwise seen from the front.
-        view: the camera.
-        is_culled: leave out triangles that are seen from behind, as the ceiling of a room from above.
-    """
+    """Return the nearest triangle in every pixel."""
     face = np.full(view.height * view.width, -1, dtype=np.int64)
     height = np.full(view.height * view.width, -np.inf)
     corners = view.project(triangles)

@@ -81,14 +81,7 @@ class Scene:
         snapshots: int = 9,
         is_shown: bool = True,
     ) -> None:
-        """Add the path of a body: a line for the head, and the whole body at several times.
-
-        Args:
-            name: label of the switch.
-            positions: positions of the modules, head first [m].
-            snapshots: number of times at which the whole body is shown.
-            is_shown: whether it is visible at first.
-        """
+        """Add the path of a body: a line for the head, and the whole body at several times."""
         head = _make_trace(
             "scatter3d",
             **_to_xyz(positions[::PATH_STEP, 0]),

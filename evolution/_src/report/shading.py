@@ -21,13 +21,7 @@ def shade_pixels(
     triangles: Float[np.ndarray, "F 3 3"],
     colors: Float[np.ndarray, "H W 3"] | Float[np.ndarray, " 3"],
 ) -> Float[np.ndarray, "H W 3"]:
-    """Return the picture of triangles in the light, on white.
-
-    Args:
-        pixels: which triangle is where.
-        triangles: their corners [m].
-        colors: RGB from 0 to 1 of every pixel, or of all.
-    """
+    """Return the picture of triangles in the light, on white."""
     if not len(triangles):
         return np.ones((*pixels.face.shape, 3))
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

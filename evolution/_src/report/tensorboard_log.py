@@ -35,11 +35,7 @@ class TensorBoardLog:
         self._next = first
 
     def __call__(self, run: Run) -> None:
-        """Write the new rows.
-
-        Raises:
-            RunError: the run has no folder, or it cannot be written.
-        """
+        """Write the new rows."""
         if run.folder is None:
             raise RunError("a run without a folder has no place for TensorBoard's files; give it a folder")
         try:

@@ -11,15 +11,7 @@ from jaxtyping import UInt8
 
 
 def encode_video(frames: Sequence[UInt8[np.ndarray, "H W 3"]], fps: int = 25) -> bytes:
-    """Encode frames as H.264 in MP4, which every browser plays.
-
-    Args:
-        frames: images of one size, H and W even.
-        fps: frame rate [1/s].
-
-    Raises:
-        ValueError: there is no frame.
-    """
+    """Encode frames as H.264 in MP4, which every browser plays."""
     if len(frames) == 0:
         raise ValueError("no frame to encode; film at least one")
     with tempfile.TemporaryDirectory() as folder:

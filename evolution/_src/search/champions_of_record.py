@@ -11,14 +11,7 @@ from evolution._src.search.validation import Champion, select_champion
 def find_champion(
     config: EvolutionConfig, record: Record, stage: int, names: Sequence[str]
 ) -> Champion | None:
-    """Return the champion of a stage; None before its first generation.
-
-    Args:
-        config: configuration of the run.
-        record: what was tried.
-        stage: index of the stage.
-        names: name of each gene of the controller.
-    """
+    """Return the champion of a stage; None before its first generation."""
     is_in_stage = list(record.history["stage"] == stage)
     sufficient_rate = config.validation.success_threshold if config.body_lengths is not None else None
     entry = select_champion(record, is_in_stage, sufficient_rate)

@@ -150,13 +150,7 @@ class Strategy:
         fitness: Float[np.ndarray, " P"],
         reevaluated: Mapping[int, float] | None = None,
     ) -> None:
-        """Update the distribution; restart with twice the population where the search has converged.
-
-        Args:
-            genotypes: exactly as returned by `ask`.
-            fitness: finite, higher is better.
-            reevaluated: second fitness of those that were re-evaluated, by index.
-        """
+        """Update the distribution; restart with twice the population where the search has converged."""
         costs = list(-np.asarray(fitness, dtype=float))  # pycma minimizes: the one place of negation
         with self._own_random_state():
             self._strategy.tell(list(genotypes), costs)

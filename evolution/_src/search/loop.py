@@ -110,12 +110,7 @@ def resume(
 
 
 def prepare(config: EvolutionConfig, progress: Progress = silent) -> None:
-    """Build the arenas of a run, with progress, and check body, start and goal by compiling the first environment.
-
-    Raises:
-        RunError: the environment cannot be made.
-        ArenaError: there is no such arena, or it cannot be built.
-    """
+    """Build the arenas of a run, with progress, and check body, start and goal by compiling the first environment."""
     if config.backend == "warp":
         require_extras("backend 'warp'", "gpu")
     for stage in config.all_stages:
@@ -197,11 +192,7 @@ class _Evolution:
         self._wall_seconds = 0.0
 
     def replay(self) -> None:
-        """Replay the recorded generations.
-
-        Raises:
-            RunError: the result differs from the record.
-        """
+        """Replay the recorded generations."""
         for entries, row in self._past.generations():
             self._replayed = list(entries)
             self.step()

@@ -30,15 +30,7 @@ class Revision:
 
 
 def find_revision(file: str | Path = __file__) -> Revision | None:
-    """Return the commit that a file of a package of this project stands at.
-
-    Args:
-        file: anywhere in the checkout.
-
-    Returns:
-        None where the project is installed, or copied into another repository: the commit there says nothing
-        about this code, even where that repository contains it.
-    """
+    """Return the commit that a file of a package of this project stands at."""
     file = Path(file).resolve()
     root = next((folder for folder in file.parents if (folder / "pyproject.toml").is_file()), None)
     if root is None:

@@ -132,11 +132,7 @@ class Record:
         }
 
     def to_bytes(self, digest: str) -> bytes:
-        """Return the content of the file.
-
-        Args:
-            digest: digest of the configuration of the run.
-        """
+        """Return the content of the file."""
         buffer = io.BytesIO()
         arrays = {f"entry_{name}": column for name, column in self.columns().items()}
         np.savez(
@@ -150,15 +146,7 @@ class Record:
 
     @classmethod
     def from_bytes(cls, content: bytes, source: str) -> tuple["Record", str]:
-        """Read the content of the file; return the record and the digest of its configuration.
-
-        Args:
-            content: as returned by `to_bytes`.
-            source: its name, for messages.
-
-        Raises:
-            RunError: damaged, of another format, or with objects instead of numbers.
-        """
+        """Read the content of the file; return the record and the digest of its configuration."""
         try:
             arrays = read_npz(io.BytesIO(content))
             found = str(arrays["format"])

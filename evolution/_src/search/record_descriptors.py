@@ -13,11 +13,7 @@ _MAX_AXES = 8
 
 
 def pack(records: Sequence[Sequence[Records]]) -> dict[str, np.ndarray]:
-    """Return arrays of the descriptors of entries; none where there are no descriptors.
-
-    Args:
-        records: for each entry, what was kept of each of its trials.
-    """
+    """Return arrays of the descriptors of entries; none where there are no descriptors."""
     counts = [len(trials) for trials in records]
     flat = [trial for trials in records for trial in trials]
     if not flat:
@@ -34,11 +30,7 @@ def pack(records: Sequence[Sequence[Records]]) -> dict[str, np.ndarray]:
 
 
 def unpack(arrays: Mapping[str, np.ndarray], num_entries: int) -> list[tuple[Records, ...]]:
-    """Return the descriptors that `pack` packed; of files without any, empty ones.
-
-    Raises:
-        ValueError: the arrays do not fit together.
-    """
+    """Return the descriptors that `pack` packed; of files without any, empty ones."""
     if _COUNT not in arrays:
         return [()] * num_entries
     counts = arrays[_COUNT]

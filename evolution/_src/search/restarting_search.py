@@ -62,22 +62,13 @@ class RestartingSearch:
         return genotype[: len(self.controller.parameters)]
 
     def widen(self, generation: int) -> None:
-        """Raise the step size, as the arena has changed or bodies have become shorter.
-
-        Args:
-            generation: the next one; earlier ones no longer count for a restart.
-        """
+        """Raise the step size, as the arena has changed or bodies have become shorter."""
         self.strategy.widen(self._config.stage_sigma)
         self._first_generation = self._last_improvement = generation
         self._max_successes = 0
 
     def limit_length(self, champion: Champion, generation: int) -> None:
-        """Allow only bodies shorter than a champion that succeeds reliably.
-
-        Args:
-            champion: after the latest generation.
-            generation: the next one.
-        """
+        """Allow only bodies shorter than a champion that succeeds reliably."""
         if self._config.body_lengths is None or champion.modules > self._max_modules:
             return
         validation = self._config.validation
@@ -93,10 +84,6 @@ class RestartingSearch:
         a controller restarts where it began: other samples lead elsewhere. A search among shorter and shorter bodies,
         or in finer arenas, keeps what was learned before: it restarts around the fittest genotype since the last
         change, often one that crossed once, by luck.
-
-        Args:
-            entries: all of the run.
-            generation: the next one.
         """
         restart_after = self._config.restart_after
         if restart_after is None:

@@ -83,11 +83,7 @@ class RunFolder:
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Lock the folder against other writers; the lock ends with its process.
-
-        Raises:
-            RunError: another process (or thread) has locked it, or the folder cannot be written.
-        """
+        """Lock the folder against other writers; the lock ends with its process."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             lock = filelock.FileLock(self.path / LOCK)
@@ -110,11 +106,7 @@ class RunFolder:
         return (self.path / CONFIG).exists() or (self.path / RECORD).exists()
 
     def begin(self, config: EvolutionConfig) -> None:
-        """Write an empty record, then `config.json`.
-
-        Raises:
-            RunError: the folder contains a run, a part of one, or files that a run would replace.
-        """
+        """Write an empty record, then `config.json`."""
         if (self.path / CONFIG).exists():
             differences = self.read_config().differences(config)
             what = f"another run ({'; '.join(differences)})" if differences else "this run already"
@@ -143,11 +135,7 @@ class RunFolder:
         self._remove_leftovers()
 
     def read_config(self) -> EvolutionConfig:
-        """Read `config.json`.
-
-        Raises:
-            RunError: there is none, or it is damaged.
-        """
+        """Read `config.json`."""
         if not (self.path / CONFIG).exists():
             raise RunError(f"{self.path} contains no run: {CONFIG} is missing")
         content = self._read_json(CONFIG)
@@ -163,11 +151,7 @@ class RunFolder:
             ) from error
 
     def write(self, run: Run) -> None:
-        """Write the record, then the files derived from it.
-
-        Raises:
-            RunError: the disk is full or read-only; the last checkpoint survives.
-        """
+        """Write the record, then the files derived from it."""
         self._replace(RECORD, run.record.to_bytes(run.config.digest()))
         self._replace(HISTORY_FILE, format_history(run.history).encode())
         if run.champion is not None:
@@ -177,9 +161,6 @@ class RunFolder:
         """Read `record.npz`.
 
         In a run that an older release began it is missing until the first generation is finished.
-
-        Raises:
-            RunError: missing, damaged, of another program, or of another configuration.
         """
         path = self.path / RECORD
         if path.exists() and not path.is_file():
@@ -200,14 +181,7 @@ class RunFolder:
         return record
 
     def read_run(self, config: EvolutionConfig) -> Run:
-        """Return the run as its record says, without replaying it: no controller is needed, nor imported.
-
-        Args:
-            config: as returned by `read_config`.
-
-        Raises:
-            RunError: as `read_record`; or the champion's file is damaged, from which the names of the genes are.
-        """
+        """Return the run as its record says, without replaying it: no controller is needed, nor imported."""
         record = self.read_record(config)
         stage = int(record.history["stage"].max(initial=0))
         names = load_champion(self.path).names if record.num_generations else ()

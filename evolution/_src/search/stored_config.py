@@ -45,16 +45,7 @@ DictFactory = Callable[[list[tuple[str, Any]]], dict[str, Any]]
 
 
 def to_json(config: Nested, kinds: Kinds, dict_factory: DictFactory = dict) -> dict[str, Any]:
-    """Return JSON content of the fields of a configuration.
-
-    Args:
-        config: a configuration.
-        kinds: types of its fields.
-        dict_factory: makes the objects, as in `dataclasses.asdict`.
-
-    Raises:
-        RunError: a part is an object of a user that nothing would restore.
-    """
+    """Return JSON content of the fields of a configuration."""
     pairs = [
         (name, _describe(name, value, kinds[name], dict_factory)) for name, value in config.flatten().items()
     ]
@@ -67,11 +58,7 @@ def drop_none(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def to_text(content: Any, *, is_sorted: bool = False) -> str:
-    """Return JSON text.
-
-    Raises:
-        RunError: something in it is no content of JSON.
-    """
+    """Return JSON text."""
     try:
         return json.dumps(content, sort_keys=is_sorted)
     except TypeError as error:
@@ -109,16 +96,7 @@ def _describe_stage(stage: Stage, dict_factory: DictFactory) -> dict[str, Any]:
 
 
 def read_content(content: object, kinds: Kinds, where: str) -> dict[str, Any]:
-    """Return the fields that JSON content describes; this imports nothing.
-
-    Args:
-        content: as `to_json` returned it.
-        kinds: types of the fields.
-        where: name of the configuration, for messages.
-
-    Raises:
-        RunError: a field is unknown or its value of the wrong kind.
-    """
+    """Return the fields that JSON content describes; this imports nothing."""
     lead = f"{where}." if where else ""
     if not isinstance(content, dict):
         raise RunError(f"{where or 'content'} is {content!r}; an object is needed")
@@ -145,15 +123,7 @@ def _read_field(name: str, value: Any, kind: Any, where: str) -> Any:
 
 
 def restore(config: N, allow: Collection[str] = ()) -> N:
-    """Return a configuration with what a user wrote imported again.
-
-    Args:
-        config: as a file or a program gave it.
-        allow: modules of the user that may be imported.
-
-    Raises:
-        RunError: something may not or cannot be imported, or has changed since the run began.
-    """
+    """Return a configuration with what a user wrote imported again."""
     changes: dict[str, Any] = {}
     for name, value in config.flatten().items():
         if isinstance(value, Reference | StoredDescriptors):

@@ -211,18 +211,7 @@ def expect_success(successes: int, trials: int) -> float:
 def select_champion(
     record: Record, is_in_stage: Sequence[bool], sufficient_rate: float | None = None
 ) -> Entry | None:
-    """Return the entry of the champion, None before the first generation.
-
-    Args:
-        record: record of the run.
-        is_in_stage: for each generation, whether it counts.
-        sufficient_rate: among bodies of at least this expected success rate, prefer the shortest; None: the most
-            reliable one, whatever its length.
-
-    Returns:
-        A pooled VALIDATION entry of the candidate with the best validation trials; of equal ones the later
-        generation. Without validated candidates the SAMPLE entry of highest fitness.
-    """
+    """Return the entry of the champion, None before the first generation."""
     counted = [entry for entry in record.entries if is_in_stage[entry.generation]]
     candidates = find_candidates(counted)
     if candidates:

@@ -203,28 +203,13 @@ METHODS: Mapping[str, Method] = {
 
 
 def find_method(name: str) -> Method:
-    """Return a baseline.
-
-    Raises:
-        RunError: there is none of this name.
-    """
+    """Return a baseline."""
     check_choice("method", name, tuple(METHODS), RunError)
     return METHODS[name]
 
 
 def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget: float = BUDGET) -> Entry:
-    """Return what a baseline finds for a task.
-
-    Args:
-        name: one of `METHODS`.
-        task: the task.
-        seed: seed of the method.
-        backend: runs the trials.
-        budget: simulated time that it may spend [s]; a generation that has begun is finished.
-
-    Raises:
-        RunError: there is no such baseline, or it does not suit the task.
-    """
+    """Return what a baseline finds for a task."""
     method = find_method(name)
     if not method.suits(task):
         raise RunError(

@@ -71,11 +71,7 @@ def make_true_arena(name: str) -> Arena:
 
 
 def find_published_arena(name: str) -> Path:
-    """Return the folder of a scanned arena that ships with the package.
-
-    Raises:
-        RunError: there is no such place.
-    """
+    """Return the folder of a scanned arena that ships with the package."""
     if name not in PLACES:
         raise RunError(f"no place {name!r}; there are: {', '.join(PLACES)}")
     return find_assets() / "suite" / "arenas" / name

@@ -29,22 +29,7 @@ def run_suite(
     simulate: Simulate | None = None,
     out: Path | None = None,
 ) -> Submission:
-    """Return what a baseline finds.
-
-    Args:
-        method: one of `evolution._src.suite.baselines.METHODS`.
-        seeds: seeds of the method.
-        tasks: names of the tasks; empty for all that suit the method.
-        budget: simulated time for a task and seed [s].
-        workers: number of threads; they change nothing but the time.
-        progress: called with the task and the share done.
-        simulate: the function that tries jobs; None means physics.
-        out: file that is written after each entry, and continued where it exists.
-
-    Raises:
-        RunError: there is no such task, it does not suit the method, or the file is of another run.
-        MissingExtraError: an extra that the method needs is not installed.
-    """
+    """Return what a baseline finds."""
     suited = [task for task in SUITE if find_method(method).suits(task)]
     chosen = [find_suite_task(name) for name in tasks] or suited
     name = method if budget == BUDGET else f"{method}, {budget:g} s"
@@ -70,19 +55,7 @@ def fill_submission(
     out: Path | None = None,
     progress: Progress = silent,
 ) -> Submission:
-    """Return a submission with an entry for each task and seed; those that the file has are kept.
-
-    Args:
-        name: of the submission.
-        find_entry: called where an entry is missing.
-        pairs: tasks and seeds.
-        provenance: versions, commit and whatever else decides the entries.
-        out: file that is written after each entry, and continued where it exists; None for no file.
-        progress: called with the task and the share done.
-
-    Raises:
-        RunError: the file is of another name or provenance, or damaged.
-    """
+    """Return a submission with an entry for each task and seed; those that the file has are kept."""
     submission = Submission(name, (), provenance)
     if out is not None and out.exists():
         submission = _continue(submission, out)

@@ -107,11 +107,7 @@ class Submission:
 
 
 def load_submission(path: Path) -> Submission:
-    """Read a submission; this runs nothing from it.
-
-    Raises:
-        RunError: the file is missing, damaged or no submission.
-    """
+    """Read a submission; this runs nothing from it."""
     try:
         content: Any = read_json(path)
         if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
@@ -127,11 +123,7 @@ def load_submission(path: Path) -> Submission:
 
 
 def check_entry(entry: Entry) -> None:
-    """Refuse what cannot have been found under the rules of its task.
-
-    Raises:
-        RunError: another body, a body that is too large, a genotype that is not finite, or too large a budget.
-    """
+    """Refuse what cannot have been found under the rules of its task."""
     from evolution._src.backends.parts import read_organism
 
     task = find_suite_task(entry.task)

@@ -55,16 +55,7 @@ class SuiteTask:
         in_truth: bool = False,
         descriptors: tuple[str, ...] = (),
     ) -> Trials:
-        """Return trials of a genotype.
-
-        Args:
-            body: an organism or a body plan.
-            controller: of the submission.
-            count: number of trials.
-            seed: seed of their conditions.
-            in_truth: whether they take place in the exact arena.
-            descriptors: what outcomes keep beside progress, see `evolution._src.backends.descriptors`.
-        """
+        """Return trials of a genotype."""
         return Trials(
             arena=find_arena(self, in_truth),
             body=BodyConfig(organism=body),
@@ -101,11 +92,7 @@ SUITE: tuple[SuiteTask, ...] = (
 
 
 def find_suite_task(name: str) -> SuiteTask:
-    """Return a task by its name.
-
-    Raises:
-        RunError: there is no such task.
-    """
+    """Return a task by its name."""
     for task in SUITE:
         if task.name == name:
             return task

@@ -43,17 +43,7 @@ def verify(
     tasks: Sequence[str] = (),
     allow: Collection[str] = (),
 ) -> list[Check]:
-    """Run every genotype of a submission again, on the scan and in the truth.
-
-    Args:
-        submission: what was read.
-        progress: called with the task and the share done.
-        tasks: names of the tasks whose entries are verified; empty for all.
-        allow: modules of controllers "module:name" that may be imported, which runs their code.
-
-    Raises:
-        RunError: a controller is not allowed, a genotype cannot be tried, or there is no such task.
-    """
+    """Run every genotype of a submission again, on the scan and in the truth."""
     names = {find_suite_task(name).name for name in tasks}
     entries = [entry for entry in submission.entries if not names or entry.task in names]
     for entry in entries:

@@ -27,13 +27,6 @@ def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     A reader of `path`, at any time and after any kill, finds the old file or the new one. After an error `path` is as
     it was, and nothing is left next to it. A link stays a link: the file that it leads to is replaced. A file that was
     there keeps its mode.
-
-    Args:
-        path: the file; its folder exists.
-
-    Raises:
-        OSError: it cannot be written, or what is there is a folder, a device or write-protected; the message
-            names `path`.
     """
     path = Path(os.path.realpath(path))
     _refuse_irreplaceable(path)

@@ -70,11 +70,7 @@ class BoundedFile:
         return self.size - self.stream.tell()
 
     def read_exactly(self, num_bytes: int) -> bytes:
-        """Return the next bytes.
-
-        Raises:
-            UnreadableFileError: there are fewer.
-        """
+        """Return the next bytes."""
         if not 0 <= num_bytes <= self.num_left:
             raise UnreadableFileError(f"{num_bytes} bytes are promised where {self.num_left} are left")
         data = self.stream.read(num_bytes)
@@ -95,11 +91,7 @@ class BoundedFile:
 
 
 def check_size(num_bytes: float, max_bytes: float) -> None:
-    """Refuse what is larger than the limit.
-
-    Raises:
-        UnreadableFileError: naming the limit and the options that raise it.
-    """
+    """Refuse what is larger than the limit."""
     if not max_bytes > 0:
         raise UnreadableFileError(f"max_bytes must be above 0, got {max_bytes!r}")
     if num_bytes > max_bytes:
@@ -111,15 +103,7 @@ def check_size(num_bytes: float, max_bytes: float) -> None:
 
 @contextmanager
 def open_bounded(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Iterator[BoundedFile]:
-    """Open a file whose last suffix may be .gz or .bz2, and close it at the end.
-
-    Args:
-        path: the file.
-        max_bytes: the most it may hold once unpacked.
-
-    Raises:
-        UnreadableFileError: missing, empty, damaged, or larger than the limit.
-    """
+    """Open a file whose last suffix may be .gz or .bz2, and close it at the end."""
     path = Path(path)
     suffixes = [suffix.lower() for suffix in path.suffixes]
     packing = suffixes.pop() if suffixes and suffixes[-1] in (".gz", ".bz2") else ""
@@ -140,16 +124,7 @@ def read_npz(
     names: Iterable[str] | None = None,
     max_bytes: float = MAX_BYTES,
 ) -> dict[str, NDArray]:
-    """Read arrays of an .npz; none may hold Python objects.
-
-    Args:
-        source: a path, or a stream that can seek.
-        names: names of the arrays wanted; all unless given.
-        max_bytes: the most that they may take together.
-
-    Raises:
-        UnreadableFileError: missing, damaged, lacking an array, or larger than the limit.
-    """
+    """Read arrays of an .npz; none may hold Python objects."""
     with _one_error(), zipfile.ZipFile(source) as archive:
         members = _find_members(archive)
         names = list(members if names is None else names)
@@ -163,25 +138,13 @@ def read_npz(
 
 
 def find_npz_names(source: str | os.PathLike[str] | BinaryIO) -> list[str]:
-    """Return the names of the arrays in an .npz.
-
-    Raises:
-        UnreadableFileError: missing or damaged.
-    """
+    """Return the names of the arrays in an .npz."""
     with _one_error(), zipfile.ZipFile(source) as archive:
         return list(_find_members(archive))
 
 
 def read_array(stream: BinaryIO, num_left: int) -> NDArray:
-    """Read one array in the form of .npy.
-
-    Args:
-        stream: at its beginning.
-        num_left: bytes that the stream still has; a header that promises more is refused.
-
-    Raises:
-        UnreadableFileError: no array, one of Python objects, or shorter than it says.
-    """
+    """Read one array in the form of .npy."""
     start = stream.tell()
     version = np.lib.format.read_magic(stream)
     if version not in _NPY_HEADERS:

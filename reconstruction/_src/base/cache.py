@@ -19,9 +19,6 @@ def find_cache_folder(name: str) -> Path:
 
     `SYMBRION_CACHE` names another place than the platform's own. Where neither can be written (a read-only home), it is
     a folder in the system's temporary directory, if only this user can write to it.
-
-    Args:
-        name: name of the folder; one for each kind of content.
     """
     wanted = Path(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_path("symbrion-gym")) / name
     try:

@@ -29,15 +29,7 @@ def find_missing(extra: str) -> list[str]:
 
 
 def require_extras(purpose: str, *extras: str) -> None:
-    """Refuse in one line, before any work is done, what needs packages that are not installed.
-
-    Args:
-        purpose: what needs the extras, as the beginning of a sentence: "`symbrion demo`".
-        extras: names of extras.
-
-    Raises:
-        MissingExtraError: a module of one of these extras is not installed.
-    """
+    """Refuse in one line, before any work is done, what needs packages that are not installed."""
     missing = {name: found for name in extras if (found := find_missing(name))}
     if missing:
         names = " and ".join(f"'{name}'" for name in missing)

@@ -17,9 +17,6 @@ def export_lazily(package: str) -> tuple[Callable[[str], Any], Callable[[], list
     then stands in the package as if it had been imported there.
 
     A name that is also a module of the package cannot be among them: importing that module would hide it.
-
-    Args:
-        package: `__name__` of the package.
     """
     module = sys.modules[package]
 

@@ -2,12 +2,7 @@
 
 
 def make_printable(text: object, limit: int = 2000) -> str:
-    r"""Return text without control characters and lone surrogates: they are escaped, `\x1b` say.
-
-    Args:
-        text: anything; its `str` is taken.
-        limit: longer text is cut [characters].
-    """
+    r"""Return text without control characters and lone surrogates: they are escaped, `\x1b` say."""
     shown = str(text)
     if len(shown) > limit:
         shown = f"{shown[:limit]}..."

@@ -15,16 +15,7 @@ Limits = Mapping[str, tuple[float, float]]
 def check_all_positive(
     config: object, *, may_be_zero: Iterable[str] = (), any_sign: Iterable[str] = ()
 ) -> None:
-    """Refuse a configuration of a network with a number that is not above zero.
-
-    Args:
-        config: an instance of a dataclass; fields of other types than `int` and `float` are not checked.
-        may_be_zero: fields that may also be zero.
-        any_sign: fields that may have any finite value.
-
-    Raises:
-        ReconstructionError: with the class, the field, its value and the range.
-    """
+    """Refuse a configuration of a network with a number that is not above zero."""
     for field in dataclasses.fields(config):  # pyright: ignore[reportArgumentType]
         value, what = getattr(config, field.name), f"{type(config).__name__}.{field.name}"
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -38,16 +29,7 @@ def check_all_positive(
 
 
 def check_positive(config: object, names: Iterable[str], error: type[Exception]) -> None:
-    """Refuse fields that are not finite numbers above 0.
-
-    Args:
-        config: whose fields are checked.
-        names: names of the fields.
-        error: class of the error that is raised.
-
-    Raises:
-        error: with the name of the configuration, the field and its value.
-    """
+    """Refuse fields that are not finite numbers above 0."""
     for name in names:
         number, what = _find_number(config, name, error)
         _check(0.0 < number < inf, what, "above 0", getattr(config, name), error)
@@ -69,21 +51,13 @@ def check_counts(config: object, names: Iterable[str], error: type[Exception]) -
 
 
 def coerce_integers(config: object, limits: Limits, error: type[Exception]) -> None:
-    """Make fields of a frozen dataclass Python integers, which JSON can represent.
-
-    Raises:
-        error: a field is not an integer or out of range; with field, value and range.
-    """
+    """Make fields of a frozen dataclass Python integers, which JSON can represent."""
     for name, (low, high) in limits.items():
         object.__setattr__(config, name, as_integers(name, [getattr(config, name)], low, high, error)[0])
 
 
 def coerce_floats(config: object, limits: Limits, error: type[Exception]) -> None:
-    """Make fields of a frozen dataclass floats: a config has the same digest before and after a file.
-
-    Raises:
-        error: a field is not a finite number or out of range; with field, value and range.
-    """
+    """Make fields of a frozen dataclass floats: a config has the same digest before and after a file."""
     for name, (low, high) in limits.items():
         object.__setattr__(config, name, as_floats(name, [getattr(config, name)], low, high, error)[0])
 
@@ -91,11 +65,7 @@ def coerce_floats(config: object, limits: Limits, error: type[Exception]) -> Non
 def as_integers(
     name: str, values: Iterable[Any], low: float, high: float, error: type[Exception]
 ) -> tuple[int, ...]:
-    """Return the values of a field as integers.
-
-    Raises:
-        error: one is not an integer or out of range; with field, value and range.
-    """
+    """Return the values of a field as integers."""
     needed = f"a whole number from {low:g} to {high:.15g}"
     return tuple(int(_check_kind(name, value, Integral, (low, high), needed, error)) for value in values)
 
@@ -103,11 +73,7 @@ def as_integers(
 def as_floats(
     name: str, values: Iterable[Any], low: float, high: float, error: type[Exception]
 ) -> tuple[float, ...]:
-    """Return the values of a field as floats.
-
-    Raises:
-        error: one is not a finite number or out of range; with field, value and range.
-    """
+    """Return the values of a field as floats."""
     needed = f"a number from {low:g} to {high:g}"
     return tuple(float(_check_kind(name, value, Real, (low, high), needed, error)) for value in values)
 
@@ -115,11 +81,7 @@ def as_floats(
 def as_range(
     name: str, values: Iterable[Any], low: float, high: float, error: type[Exception]
 ) -> tuple[float, float]:
-    """Return the lowest and highest value of a field as floats.
-
-    Raises:
-        error: there are not two, or one is not a finite number or out of range.
-    """
+    """Return the lowest and highest value of a field as floats."""
     limits = as_floats(name, values, low, high, error)
     if len(limits) != 2:
         raise error(f"{name} must be a lowest and a highest value, got {limits}")
@@ -127,21 +89,13 @@ def as_range(
 
 
 def check_choice(name: str, value: object, choices: Sequence[str], error: type[Exception]) -> None:
-    """Refuse a value that is not among the choices of a field.
-
-    Raises:
-        error: with field, value and choices.
-    """
+    """Refuse a value that is not among the choices of a field."""
     if value not in choices:
         raise error(f"{name}: there is no {value!r}; there are: {', '.join(choices)}")
 
 
 def check_count(name: str, values: Sequence[object], high: int, error: type[Exception]) -> None:
-    """Refuse a field without values, or with too many.
-
-    Raises:
-        error: with field, number of values and limit.
-    """
+    """Refuse a field without values, or with too many."""
     if not 1 <= len(values) <= high:
         raise error(f"{name} has {len(values)} values; 1 to {high} are possible")
 

@@ -38,11 +38,7 @@ class JsonError(ReconstructionPackageError, ValueError):
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
-    """Read a JSON file as plain content.
-
-    Raises:
-        JsonError: missing, too large, damaged, nested too deeply, or with a number that is not finite.
-    """
+    """Read a JSON file as plain content."""
     path = Path(path)
     try:
         if not path.is_file():
@@ -57,11 +53,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
 
 
 def parse_json(text: str) -> Any:
-    """Return JSON text as plain content.
-
-    Raises:
-        JsonError: damaged, nested too deeply, or with a number that is not finite.
-    """
+    """Return JSON text as plain content."""
     _refuse_deep(text)
     try:
         content = json.loads(text)
@@ -72,17 +64,7 @@ def parse_json(text: str) -> Any:
 
 
 def as_type(content: Any, kind: type[T], where: str = "", *, others_allowed: bool = False) -> T:
-    """Return plain content as a value of a type: dataclasses of objects, tuples of lists, floats of integers.
-
-    Args:
-        content: as `read_json` returned it.
-        kind: the type; a dataclass checks the range of its fields itself.
-        where: name of the content, for messages.
-        others_allowed: whether entries that a dataclass does not have are left alone.
-
-    Raises:
-        JsonError: a field is missing, unknown, of another type, or refused by a dataclass with a ValueError.
-    """
+    """Return plain content as a value of a type: dataclasses of objects, tuples of lists, floats of integers."""
     try:
         value = msgspec.convert(content, kind)
     except msgspec.ValidationError as error:

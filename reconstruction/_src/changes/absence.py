@@ -64,13 +64,6 @@ def find_gone(
 
     A connected patch without readings is gone if new readings lie on all sides of it (in the plane in which
     it extends most), or if nearly all of the surface was read again. Else it was only out of sight.
-
-    Args:
-        vertices: positions [m].
-        faces: vertex indices.
-        new_points: the new readings [m].
-        is_read: result of `find_read`.
-        spacing: mean distance between neighboring vertices [m].
     """
     is_gone = np.zeros(len(vertices), dtype=bool)
     is_used = np.zeros(len(vertices), dtype=bool)

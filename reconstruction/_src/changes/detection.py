@@ -86,17 +86,7 @@ def detect_changes(
     origins: Float[np.ndarray, "M 3"] | None = None,
     free_rays: Float[np.ndarray, "K 2 3"] | None = None,
 ) -> Change:
-    """Compare new readings with a surface.
-
-    Args:
-        vertices: positions [m].
-        faces: vertex indices.
-        old_points: what the surface was made from [m]; they show its usual distance from a reading.
-        new_points: the new readings [m].
-        spacing: mean distance between neighboring vertices [m].
-        origins: where each new reading was made from [m]; what lies between is gone.
-        free_rays: begin and end of rays that met nothing [m]; what lies between is gone.
-    """
+    """Compare new readings with a surface."""
     import igl
 
     vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int64)
@@ -143,14 +133,7 @@ def detect_changes(
 def find_crowded(
     winners: Int[np.ndarray, " N"], points: Float[np.ndarray, "N 3"], distance: float, min_readings: int
 ) -> Bool[np.ndarray, " N"]:
-    """Return which readings are not alone: won by the vertex of enough others, or near to enough others.
-
-    Args:
-        winners: the vertex that each reading is nearest to.
-        points: the readings [m].
-        distance: up to which others are near [m].
-        min_readings: enough, the reading itself included.
-    """
+    """Return which readings are not alone: won by the vertex of enough others, or near to enough others."""
     if len(points) < min_readings:
         return np.zeros(len(points), dtype=bool)
     is_crowded = np.bincount(winners)[winners] >= min_readings

@@ -40,15 +40,6 @@ def find_crossed_vertices(
 
     A ray goes through a face where it continues by more than the margin behind it, measured along the face's
     normal, and neither ends nor meets another face on that way: it does not only graze an edge.
-
-    Args:
-        vertices: positions [m].
-        faces: vertex indices.
-        points: where the rays end [m].
-        origins: where they begin [m].
-        agreeing: how many readings found each vertex where it was.
-        margin: the distance up to which a reading agrees [m].
-        reach: no face has all corners farther than this from all rays that meet it [m].
     """
     followed = max(1, -(-len(points) // _MAX_RAYS))
     points, origins = points[::followed], origins[::followed]

@@ -10,11 +10,7 @@ NUM_SCALE_PROBES = 2048
 
 
 def check_origins(origins: object, num_points: int) -> Float[np.ndarray, "M 3"]:
-    """Return where each reading was made from; one place `[3]` stands for all.
-
-    Raises:
-        ReconstructionError: another shape, not numbers, NaN or infinity.
-    """
+    """Return where each reading was made from; one place `[3]` stands for all."""
     try:
         array = np.asarray(origins)
         if array.dtype.kind not in "fiu":
@@ -36,11 +32,7 @@ def check_origins(origins: object, num_points: int) -> Float[np.ndarray, "M 3"]:
 
 
 def check_free_rays(free_rays: object) -> Float[np.ndarray, "K 2 3"]:
-    """Return rays that met nothing: where each began, and how far it went.
-
-    Raises:
-        ReconstructionError: another shape, not numbers, NaN or infinity.
-    """
+    """Return rays that met nothing: where each began, and how far it went."""
     try:
         array = np.asarray(free_rays, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -57,17 +49,7 @@ def check_free_rays(free_rays: object) -> Float[np.ndarray, "K 2 3"]:
 def check_scale(
     new_points: Float[np.ndarray, "M 3"], old_points: Float[np.ndarray, "N 3"], max_scale: float = 30.0
 ) -> None:
-    """Refuse new points that cannot belong to the same place: another unit, or another frame.
-
-    Args:
-        new_points: the new readings [m].
-        old_points: the points of the surface [m].
-        max_scale: the new points may extend, and lie away from the old ones, up to this many times the extent of
-            the old ones. Millimeters for meters give a thousand; a survey seldom grows to ten times.
-
-    Raises:
-        ReconstructionError: they extend over more, or lie farther away.
-    """
+    """Refuse new points that cannot belong to the same place: another unit, or another frame."""
     old_points, new_points = (
         points[:: max(1, len(points) // NUM_SCALE_PROBES)] for points in (old_points, new_points)
     )

@@ -33,11 +33,7 @@ def merge_vertices(
 def drop_flat_faces(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Int[np.ndarray, "G 3"]:
-    """Drop faces without an area, and all but the first of faces with the same corners.
-
-    Raises:
-        ReconstructionError: no face is left.
-    """
+    """Drop faces without an area, and all but the first of faces with the same corners."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -67,11 +63,7 @@ def decimate(
 def simplify(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], count: int
 ) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
-    """Return about `count` faces by quadric decimation, or by clustering vertices where that wrecks the mesh.
-
-    Raises:
-        ReconstructionError: no face with an area is left.
-    """
+    """Return about `count` faces by quadric decimation, or by clustering vertices where that wrecks the mesh."""
     before = merge_vertices(vertices, faces)
     vertices, faces = decimate(*before, count)
     is_sound = len(faces) > 0 and np.isfinite(vertices).all()

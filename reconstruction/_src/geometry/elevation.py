@@ -98,37 +98,17 @@ class Elevation:
         return np.clip(cells, 0, self._shape - 1)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Float[np.ndarray, " ..."]:
-        """Return the height of the mesh at each (x, y) [m], NaN where there is none.
-
-        Args:
-            x: [m], of any shape; broadcasts against `y`.
-            y: [m].
-        """
+        """Return the height of the mesh at each (x, y) [m], NaN where there is none."""
         return self.find_top(x, y)[0]
 
     def height_below(self, x: ArrayLike, y: ArrayLike, limit: ArrayLike) -> Float[np.ndarray, " ..."]:
-        """Return the height of the highest part of the mesh that is no higher than a limit; NaN where there is none.
-
-        Args:
-            x: [m], of any shape; broadcasts against `y`.
-            y: [m].
-            limit: what is higher is not there [m], of the shape of x and y, or one number.
-        """
+        """Return the height of the highest part of the mesh that is no higher than a limit; NaN where there is none."""
         return self.find_top(x, y, limit)[0]
 
     def find_top(
         self, x: ArrayLike, y: ArrayLike, limit: ArrayLike | None = None
     ) -> tuple[Float[np.ndarray, " *S"], Int[np.ndarray, " *S"]]:
-        """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none.
-
-        Args:
-            x: [m], of any shape; broadcasts against `y`.
-            y: [m].
-            limit: what is higher is not there [m], of the shape of x and y, or one number; None for no limit.
-
-        Returns:
-            Heights [m], and numbers of faces: of all meshes, in order.
-        """
+        """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         points = np.stack([x.ravel(), y.ravel()], axis=1)
         heights = np.full(len(points), -np.inf)

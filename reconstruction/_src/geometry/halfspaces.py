@@ -78,16 +78,7 @@ def make_solid(
 def make_prism(
     bounds: Float[np.ndarray, "B 3"], tops: Float[np.ndarray, "K 4"], bottom: float
 ) -> trimesh.Trimesh | None:
-    """Return the convex solid above `bottom`, within bounds in plan, beneath all of some planes.
-
-    Args:
-        bounds: lines (a, b, c): inside is a x + b y <= c.
-        tops: planes (a, b, c, d) on top: beneath is a x + b y + c z + d <= 0.
-        bottom: height of the underside [m].
-
-    Returns:
-        The solid; None where it is empty, open or flat.
-    """
+    """Return the convex solid above `bottom`, within bounds in plan, beneath all of some planes."""
     sides = np.stack([bounds[:, 0], bounds[:, 1], np.zeros(len(bounds)), -bounds[:, 2]], axis=1)
     halfspaces = np.concatenate([sides, tops, [[0.0, 0.0, -1.0, bottom]]])
     solid = make_solid(halfspaces, find_inner_point(halfspaces))

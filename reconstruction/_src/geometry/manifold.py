@@ -147,14 +147,7 @@ def find_minor_fans(
     quality: Num[np.ndarray, " F"],
     is_suspect: Bool[np.ndarray, " V"],
 ) -> Int[np.ndarray, " D"]:
-    """Return the faces outside the largest fan of a suspected corner: a pinched vertex has several fans.
-
-    Args:
-        faces: at most two at an edge.
-        hinges: hinges of the faces.
-        quality: decides between fans of one size, the larger the better.
-        is_suspect: the vertices to check.
-    """
+    """Return the faces outside the largest fan of a suspected corner: a pinched vertex has several fans."""
     vertex = faces.ravel()
     selected = np.flatnonzero(is_suspect[vertex])
     if len(selected) == 0:
@@ -201,12 +194,7 @@ def _find_adjacent_corners(num_faces: int, hinges: Hinges) -> Int[np.ndarray, "2
 
 
 def find_loops(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> list[list[int]]:
-    """Return the boundary loops; a face wound along a loop is wound like its neighbors.
-
-    Args:
-        faces: vertex indices of an oriented two-manifold: one fan a vertex.
-        num_vertices: how many vertices there are.
-    """
+    """Return the boundary loops; a face wound along a loop is wound like its neighbors."""
     sides = group_sides(faces, num_vertices)
     tail, head = find_ends(faces, sides.slots[sides.starts[sides.counts == 1]])
     following = dict(zip(head.tolist(), tail.tolist(), strict=True))
@@ -239,10 +227,6 @@ def orient_faces(
     """Wind all faces alike along the flattest hinges.
 
     libigl's `bfs_orient` takes hinges as they come, and does not say where the winding contradicts itself.
-
-    Returns:
-        The faces, reversed where needed, and those to drop because their winding contradicts a
-        neighbor's: without them the surface is orientable.
     """
     if hinges.is_consistent.all():
         return faces, np.empty(0, dtype=np.int64)
@@ -298,17 +282,7 @@ def make_manifold(
     quality: Num[np.ndarray, " F"],
     fold_cosine: float = FOLD_COSINE,
 ) -> Int[np.ndarray, "M 3"]:
-    """Drop as few faces as needed: at most two an edge, no folds, orientable, one fan a vertex.
-
-    Args:
-        vertices: [m].
-        faces: candidate faces, each at most once.
-        quality: the larger the better.
-        fold_cosine: cosine of the smallest angle between two faces at an edge.
-
-    Returns:
-        The faces kept, consistently wound within every connected part.
-    """
+    """Drop as few faces as needed: at most two an edge, no folds, orientable, one fan a vertex."""
     while len(faces):
         sides = group_sides(faces, len(vertices))
         dropped = find_excess(sides, quality)

@@ -51,9 +51,6 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
 
     Dropped are faces with a vertex that is not finite, flat faces, faces given twice and small loose parts, and
     slivers at the rim if asked for; vertices at one place become one, but for those where two fans of faces only touch.
-
-    Raises:
-        ReconstructionError: nothing usable is left, or its size is not that of a place for robots.
     """
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int64)

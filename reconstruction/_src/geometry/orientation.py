@@ -31,12 +31,6 @@ def orient_outwards(
 
     Closed components (and nearly closed ones) look outwards, but inwards where the scanner stood in them, as in a room.
     Sheets look towards the scanner where its position is known, else upwards (along z).
-
-    Args:
-        vertices: [m].
-        faces: wound alike within a component.
-        viewpoint: `[3]` position of the scanner, or `[K, 3]` positions, each face seen from the nearest.
-        open_share: a component whose normals sum to more than this share of its area is a sheet.
     """
     if len(faces) == 0:
         return faces
@@ -67,10 +61,6 @@ def looks_down_below(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, 
 
     At the bottom less than half of the level area looks up, and above it more than half; without level faces in both,
     it is not so.
-
-    Args:
-        vertices: [m].
-        faces: oriented.
     """
     corners = vertices[faces]
     cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -125,16 +115,6 @@ def orient_to_viewpoints(
     The points vote (`count_votes`), each face counts with its area: far walls have few readings. Large parts of a
     component that look away from where they were seen are cut off and turned (`turn_reversed_parts`). Components
     without a vote are turned as by `orient_outwards`.
-
-    Args:
-        vertices: [m].
-        faces: wound alike within a component.
-        points: readings of the surface [m].
-        viewpoints: positions of the sensor [m].
-        seen_from: viewpoint of every point; None: unknown.
-
-    Returns:
-        The mesh, and the share of the area with votes that looks to where it was seen from; 1 without votes.
     """
     if len(faces) == 0:
         return TurnedMesh(vertices, faces), 1.0

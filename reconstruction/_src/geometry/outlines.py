@@ -14,12 +14,7 @@ _SMALL_CORNER = 1e-5
 
 
 def find_outline(mesh: trimesh.Trimesh, bounds: Float[np.ndarray, "B 3"]) -> Float[np.ndarray, "P 2"] | None:
-    """Return the convex outline of the part of a mesh within bounds, counter-clockwise; None without an area.
-
-    Args:
-        mesh: seen from above.
-        bounds: lines (a, b, c): inside is a x + b y <= c.
-    """
+    """Return the convex outline of the part of a mesh within bounds, counter-clockwise; None without an area."""
     triangles = np.asarray(mesh.triangles)[:, :, :2]
     for a, b, c in bounds:
         triangles = _cut_triangles(triangles, np.array([a, b]), c)

@@ -73,12 +73,7 @@ def find_box(piece: trimesh.Trimesh) -> Box | None:
 
 
 def find_smallest_rectangle(points: Float[np.ndarray, "N 2"], trimmed: float) -> Rectangle | None:
-    """Return the smallest rectangle around points along an edge of their hull; None where they lie on a line.
-
-    Args:
-        points: (x, y).
-        trimmed: percentage of the points that may stick out at each side.
-    """
+    """Return the smallest rectangle around points along an edge of their hull; None where they lie on a line."""
     outline = find_hull_outline(points)
     if outline is None:
         return None

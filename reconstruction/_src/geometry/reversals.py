@@ -39,14 +39,7 @@ def turn_reversed_parts(
     shares: Float[np.ndarray, " F"],
     cut_cost: float = CUT_COST,
 ) -> TurnedMesh:
-    """Return a mesh whose parts with votes for their backs are turned and cut off; the rest is as it was.
-
-    Args:
-        vertices: [m].
-        faces: an oriented two-manifold.
-        shares: votes for the front of each face less those for its back, over all: -1 to 1.
-        cut_cost: see `CUT_COST`.
-    """
+    """Return a mesh whose parts with votes for their backs are turned and cut off; the rest is as it was."""
     if not (shares < 0).any():
         return TurnedMesh(vertices, faces)
     is_reversed = _find_reversed(vertices, faces, shares, cut_cost)

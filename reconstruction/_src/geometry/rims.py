@@ -49,13 +49,7 @@ RIM_DEFAULTS = RimConfig()
 def drop_rim_slivers(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], config: RimConfig = RIM_DEFAULTS
 ) -> Int[np.ndarray, "G 3"]:
-    """Return the faces without slivers at the rim, which bridge ground that no vertex stands for.
-
-    Args:
-        vertices: of the surface [m].
-        faces: a triangle each.
-        config: what is a sliver.
-    """
+    """Return the faces without slivers at the rim, which bridge ground that no vertex stands for."""
     lengths = _find_lengths(vertices, faces)
     longest = config.longest * float(np.median(lengths)) if len(faces) else 0.0
     for _ in range(config.rounds):

@@ -24,14 +24,7 @@ def sample_area(
     num_samples: int,
     rng: np.random.Generator | int = 0,
 ) -> Float[np.ndarray, "{num_samples} 3"]:
-    """Return points spread evenly over the area of the faces: one in each of `num_samples` shares of the area.
-
-    Args:
-        vertices: [m].
-        faces: at least one with an area.
-        num_samples: how many points.
-        rng: a generator, or its seed; draws `num_samples` three times.
-    """
+    """Return points spread evenly over the area of the faces: one in each of `num_samples` shares of the area."""
     rng = np.random.default_rng(rng)
     areas = find_areas(vertices, faces)
     place = (np.arange(num_samples) + rng.random(num_samples)) / num_samples * areas.sum()

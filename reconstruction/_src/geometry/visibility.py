@@ -31,15 +31,7 @@ def find_seen_sides(
     viewpoints: Float[np.ndarray, "K 3"],
     seen_from: Int[np.ndarray, " N"] | None = None,
 ) -> Int8[np.ndarray, " F"]:
-    """Return from which side each face was seen: 1 that of its normal, -1 the other, 0 neither or both.
-
-    Args:
-        vertices: [m].
-        faces: their winding gives the normals.
-        points: readings of the surface [m].
-        viewpoints: positions of the sensor [m].
-        seen_from: viewpoint of every point; None: unknown (`choose_viewpoints`).
-    """
+    """Return from which side each face was seen: 1 that of its normal, -1 the other, 0 neither or both."""
     votes, weights = count_votes(vertices, faces, points, viewpoints, seen_from)
     is_clear = np.abs(votes) > MIN_MAJORITY * weights
     return np.where(is_clear, np.sign(votes), 0).astype(np.int8)
@@ -55,13 +47,6 @@ def count_votes(
     """Return for each face the sum of its votes, and the sum of their absolute values.
 
     Every point votes for its nearest face, with the cosine between the normal and the direction of its viewpoint.
-
-    Args:
-        vertices: [m].
-        faces: their winding gives the normals.
-        points: readings of the surface [m].
-        viewpoints: positions of the sensor [m].
-        seen_from: viewpoint of every point; None: unknown (`choose_viewpoints`).
     """
     import igl
 
@@ -87,12 +72,7 @@ def count_votes(
 def choose_viewpoints(
     points: Float[np.ndarray, "N 3"], viewpoints: Float[np.ndarray, "K 3"]
 ) -> Int[np.ndarray, " N"]:
-    """Return for each point the nearest viewpoint from which no other point hides it; else the nearest.
-
-    Args:
-        points: readings [m].
-        viewpoints: positions of the sensor [m].
-    """
+    """Return for each point the nearest viewpoint from which no other point hides it; else the nearest."""
     if len(viewpoints) == 1:
         return np.zeros(len(points), np.int64)
     num_candidates = min(NUM_CANDIDATES, len(viewpoints))

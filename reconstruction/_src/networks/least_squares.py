@@ -67,20 +67,7 @@ def fit_once(
     is_movable: Bool[jax.Array, " V"] | None = None,
     spread: Callable[[Float[jax.Array, "V 10"]], Float[jax.Array, "V 10"]] | None = None,
 ) -> Float[jax.Array, "V 3"]:
-    """Return the vertices after one step towards the samples.
-
-    Args:
-        vertices: positions in mean edges, as all lengths here.
-        ring: result of `make_ring`.
-        samples: positions, N a multiple of `chunk`.
-        winners: the vertex whose faces are tried.
-        weights: weights of the samples; 0 for padding.
-        config: configuration of the fit.
-        chunk: how many samples at once.
-        order: result of `sort_by_degree`: chunks whose fans have few faces take less time; None: in the order given.
-        is_movable: which vertices may move; all if absent.
-        spread: shares the moments among vertices that are near one another, before they are solved.
-    """
+    """Return the vertices after one step towards the samples."""
     moments = _sum_moments(vertices, ring, samples, winners, weights, config, chunk, order)
     if spread is not None:
         moments = spread(moments)
@@ -201,14 +188,7 @@ def _closest_on_ring(
     table: Float[jax.Array, "D 6 V"],
     depth: Int[jax.Array, ""],
 ) -> tuple[Int[jax.Array, " n"], Float[jax.Array, " n"], Float[jax.Array, " n"]]:
-    """Return slot and the two barycentric weights of the closest point on a fan of faces.
-
-    Args:
-        offset: from the fan's own vertex to the sample.
-        winner: the fan's own vertex.
-        table: the two sides of every face that start at each vertex.
-        depth: how many faces the largest of these fans has.
-    """
+    """Return slot and the two barycentric weights of the closest point on a fan of faces."""
 
     def compare(slot, best):
         face = table[slot][:, winner]

@@ -42,20 +42,6 @@ def fit_surface(
 
     Samples beyond the boundary pull it out. Outliers count little: the weight falls with the part of the residual along
     the face's normal (Cauchy), and vanishes beyond `FitConfig.reach`.
-
-    Args:
-        vertices: positions, any unit; all parameters are relative to the mean edge length.
-        faces: vertex indices.
-        samples: points of the surface.
-        iterations: how often to repeat; more than about four fit the noise.
-        winners: nearest vertex of every sample; searched for if absent.
-        weights: weight of every sample, for clouds of uneven density; 1 if absent.
-        is_movable: which vertices of a part of a mesh may move; all if absent. Parts are of any size, so there are
-            fewer array lengths for them, with more padding: few programs are compiled.
-        config: configuration of the fit.
-
-    Returns:
-        The vertices, in float64. Those without faces or samples stay where they are.
     """
     vertices = np.asarray(vertices, dtype=np.float64)
     faces = np.asarray(faces)
@@ -104,13 +90,7 @@ def mean_edge_length(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, 
 def make_ring(
     faces: Int[np.ndarray, "F 3"], num_vertices: int, *, doubling: bool = False
 ) -> Int[np.ndarray, "V D 2"]:
-    """Return the faces around every vertex: the other two corners of each in order, -1 where none.
-
-    Args:
-        faces: vertex indices.
-        num_vertices: how many vertices there are.
-        doubling: whether D is 12, 24, 48 and so on instead of a multiple of 4: few lengths, so few programs.
-    """
+    """Return the faces around every vertex: the other two corners of each in order, -1 where none."""
     owner = faces.ravel()
     others = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
     order = np.argsort(owner, kind="stable")

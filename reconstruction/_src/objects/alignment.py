@@ -28,18 +28,6 @@ def align(
 ) -> tuple[Float[np.ndarray, "K 4 4"], Float[np.ndarray, " K"]]:
     """Return poses that fit the readings better: Gauss-Newton on the distances along the normals of the faces.
 
-    Args:
-        model: the object.
-        poses: where to begin.
-        points: readings about the object, without walls and floor [m].
-        normals: theirs, turned to the sensor.
-        noise: of the ranges [m]; readings are kept within four times as much.
-        reaches: shares of the radius beyond which readings are left out, one for each iteration.
-        is_exact: measure each distance; else by the object's table, many times as fast.
-
-    Returns:
-        The poses, and of each the sum of the weights of the readings that belong to it.
-
     References:
         Chen, Medioni (1992): Object modelling by registration of multiple range images. Tukey's weights.
     """

@@ -67,13 +67,7 @@ class _Patches(NamedTuple):
 
 
 def find_planes(points: Float[np.ndarray, "N 3"], min_area: float, rng: np.random.Generator) -> list[Plane]:
-    """Find planes with a connected part of at least an area, the largest first (RANSAC over patches).
-
-    Args:
-        points: the scan [m].
-        min_area: [m²].
-        rng: draws the patches that are tried.
-    """
+    """Find planes with a connected part of at least an area, the largest first (RANSAC over patches)."""
     left = _make_patches(points)
     planes: list[Plane] = []
     min_patches = max(int(0.5 * min_area / PATCH**2), 4)

@@ -26,11 +26,7 @@ _TRAINED = 600
 
 
 def require_library() -> None:
-    """Refuse in one line where the library is not installed.
-
-    Raises:
-        MissingExtraError: with the name of the extra.
-    """
+    """Refuse in one line where the library is not installed."""
     require_extras("`find_objects`", "objects")
 
 
@@ -53,15 +49,7 @@ def propose_poses(
     normals: Float[np.ndarray, "M 3"],
     config: ObjectsConfig,
 ) -> list[Float[np.ndarray, "4 4"]]:
-    """Return poses of an object in a region, the ones with most votes first, each once.
-
-    Args:
-        detector: of `make_detector`.
-        model: the object.
-        points: cells of the region [m].
-        normals: turned to the sensor.
-        config: how many.
-    """
+    """Return poses of an object in a region, the ones with most votes first, each once."""
     middle = points.mean(axis=0)
     scene = np.ascontiguousarray(np.hstack([points - middle, normals]).astype(np.float32))
     found = detector.match(scene, _SCENE_STEP, 0.03)

@@ -58,15 +58,7 @@ class ObjectModel(NamedTuple):
 
 
 def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:
-    """Prepare an object.
-
-    Args:
-        name: what it is called.
-        mesh: its surface [m], normals outwards.
-
-    Raises:
-        ReconstructionError: the mesh has no faces, or is no object of 2 cm to 5 m.
-    """
+    """Prepare an object."""
     if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
         raise ReconstructionError(f"object {name!r}: the mesh has no faces, or vertices that are not finite")
     low, high = np.asarray(mesh.bounds, dtype=np.float64)

@@ -35,16 +35,7 @@ class Cells(NamedTuple):
 
 
 def read_scan(scan: Any, spacing: float, seed: int) -> tuple[Cloud, Float[np.ndarray, "N 3"] | None]:
-    """Return what is searched as a cloud near the origin of its frame, and the normals of a mesh at its points.
-
-    Args:
-        scan: a `Cloud`, points `[N, 3]`, a `ScanLog`, a `Reconstruction` (its readings) or a mesh (samples of it).
-        spacing: width of the cells [m]; a mesh is sampled four times in each.
-        seed: of the samples of a mesh.
-
-    Raises:
-        ReconstructionError: it is none of these, or holds too few points.
-    """
+    """Return what is searched as a cloud near the origin of its frame, and the normals of a mesh at its points."""
     from reconstruction._src.reconstruction import Reconstruction
 
     normals = None

@@ -37,11 +37,6 @@ def find_regions(points: Float[np.ndarray, "C 3"], model: ObjectModel, config: O
     """Return the regions in which an object is searched.
 
     Parts smaller than the object give one region; larger ones are covered by several that overlap.
-
-    Args:
-        points: cells that are not background [m].
-        model: the object.
-        config: spacing of the cells and the fewest beams.
     """
     if len(points) < 8:
         return []

@@ -27,10 +27,6 @@ def find_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> F
 
     Tried are rotations by full fractions of a turn about the axes x, y, z and the axes of inertia;
     combinations of those found belong to the result as well.
-
-    Args:
-        mesh: the object [m].
-        center: the middle of its area [m].
     """
     points = sample_area(np.asarray(mesh.vertices), np.asarray(mesh.faces), _NUM_SAMPLES, 0) - center
     _, axes = np.linalg.eigh(points.T @ points)

@@ -57,14 +57,6 @@ def verify_by_beams(
     Four kinds of beams count: those that end on it, that pass through it, that end shortly before it (it would lie
     inside something), and that end beside it on something that is neither the object nor a large plane. What ends
     farther before it hides it, and says nothing.
-
-    Args:
-        model: the object.
-        pose: of the object.
-        beams: those that pass near it.
-        is_background: which of them end on a large plane.
-        noise: of the ranges [m].
-        config: tolerance.
     """
     expected, cosine = cast(model, pose, beams)
     hits = np.isfinite(expected)
@@ -99,17 +91,7 @@ def verify_by_distance(
     spacing: float,
     config: ObjectsConfig,
 ) -> Verdict:
-    """Compare readings without viewpoints with an object: those on it agree, those within or beside it do not.
-
-    Args:
-        model: the object.
-        pose: of the object.
-        points: readings near it [m].
-        is_background: which of them are on a large plane.
-        noise: of the readings [m].
-        spacing: of the readings [m]: a sample of the object is covered by one that is twice as near.
-        config: tolerance.
-    """
+    """Compare readings without viewpoints with an object: those on it agree, those within or beside it do not."""
     from scipy.spatial import cKDTree
 
     allowed = config.tolerance * noise + _POSE_ERROR

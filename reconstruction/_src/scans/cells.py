@@ -88,11 +88,7 @@ class SparsePointsConfig:
 
 
 def as_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
-    """Return the points as an array `[N, 3]`, without rows that are not finite.
-
-    Raises:
-        ScanError: another shape, or no numbers.
-    """
+    """Return the points as an array `[N, 3]`, without rows that are not finite."""
     try:
         array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -142,13 +138,6 @@ def find_sparse_points(points: ArrayLike, config: SparsePointsConfig | None = No
 
     The count of a point is the higher one of two histograms, shifted against each other by half a cell. Where the
     cells are found from the density, points that are part of a sparse surface stay (`SparsePointsConfig.flatness`).
-
-    Args:
-        points: `[N, 3]` [m].
-        config: the cells and the threshold.
-
-    Raises:
-        ScanError: the points have another shape, or are no numbers.
     """
     config = config or SparsePointsConfig()
     points = as_points(points)

@@ -112,11 +112,7 @@ def load_depth_image(
 def _find_pose(
     path: Path, pose: ArrayLike | None
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
-    """Return rotation and position of the camera in the world.
-
-    Raises:
-        ScanError: no rigid pose.
-    """
+    """Return rotation and position of the camera in the world."""
     if pose is None:
         return _AXES, np.zeros(3)
     try:
@@ -132,12 +128,7 @@ def _find_pose(
 
 
 def _read_image(path: Path, max_bytes: float) -> Shaped[np.ndarray, "*axes"]:
-    """Return the pixels of an image.
-
-    Raises:
-        ScanError: not readable, or larger than the limit.
-        MissingExtraError: Pillow is not installed.
-    """
+    """Return the pixels of an image."""
     kind = path.suffix.lower()
     if kind not in DEPTH_ENDINGS:
         raise ScanError(
@@ -159,12 +150,7 @@ def _read_image(path: Path, max_bytes: float) -> Shaped[np.ndarray, "*axes"]:
 
 
 def _read_picture(path: Path, max_bytes: float) -> Shaped[np.ndarray, "*axes"]:
-    """Return the pixels of a picture whose size is within the limit.
-
-    Raises:
-        UnreadableFileError: it is not.
-        MissingExtraError: Pillow is not installed.
-    """
+    """Return the pixels of a picture whose size is within the limit."""
     require_extras("a picture", "formats")
     from PIL import Image
 
@@ -174,12 +160,7 @@ def _read_picture(path: Path, max_bytes: float) -> Shaped[np.ndarray, "*axes"]:
 
 
 def _read_colors(path: Path, shape: tuple[int, ...], max_bytes: float) -> UInt8[np.ndarray, "H W 3"]:
-    """Return red, green and blue of a picture of this height and width.
-
-    Raises:
-        ScanError: not readable, too large, or of another size.
-        MissingExtraError: Pillow is not installed.
-    """
+    """Return red, green and blue of a picture of this height and width."""
     require_extras("a picture", "formats")
     from PIL import Image
 

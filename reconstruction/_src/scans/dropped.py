@@ -64,12 +64,7 @@ class Dropped:
 
 
 def measure_dropped(readings: Cloud, points: Float[np.ndarray, "N 3"]) -> Dropped:
-    """Return the share of readings that have no point near them, in all and by range.
-
-    Args:
-        readings: all of the scan.
-        points: what is left of them, in the same frame [m].
-    """
+    """Return the share of readings that have no point near them, in all and by range."""
     is_dropped, chosen = find_dropped(readings.points, points)
     if not len(chosen):
         return Dropped(0.0, ())
@@ -89,12 +84,7 @@ def measure_dropped(readings: Cloud, points: Float[np.ndarray, "N 3"]) -> Droppe
 def find_dropped(
     readings: Float[np.ndarray, "M 3"], points: Float[np.ndarray, "N 3"]
 ) -> tuple[Bool[np.ndarray, " S"], np.ndarray]:
-    """Return which of a sample of the readings have no point near them, and the indices of the sample.
-
-    Args:
-        readings: all of the scan [m].
-        points: what is left of them [m].
-    """
+    """Return which of a sample of the readings have no point near them, and the indices of the sample."""
     chosen = np.arange(0, len(readings), max(1, len(readings) // SAMPLE_SIZE))
     num_neighbors = min(NUM_NEIGHBORS, len(readings) - 1)
     if num_neighbors < 1 or not len(points):

@@ -54,15 +54,6 @@ def read_e57(path: str | os.PathLike[str], max_bytes: float) -> RawPoints:
 
     A scan's pose is also the position of its sensor. Files of one merged cloud have no pose or the identity; the
     origin is then believed only for ordered points around it.
-
-    Args:
-        path: .e57, not compressed.
-        max_bytes: most bytes that the points may take in memory.
-
-    Raises:
-        ScanError: the file holds no scans, or one that is damaged.
-        MissingExtraError: pye57 is not installed.
-        UnreadableFileError: the file or its points exceed the limit.
     """
     path = Path(path)
     check_size(path.stat().st_size, max_bytes)
@@ -100,17 +91,7 @@ def _merge(scans: Sequence[_Scan]) -> RawPoints:
 
 
 def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> _Scan:
-    """Return a scan, turned and moved by its pose.
-
-    Args:
-        file: where it stands.
-        header: of the scan.
-        pose: its own.
-        is_alone: no other scan of the file has the identity as its pose.
-
-    Raises:
-        ScanError: no coordinates, or fewer points than promised.
-    """
+    """Return a scan, turned and moved by its pose."""
     fields = list(header.point_fields)
     axes = next((names for names in (_CARTESIAN, _SPHERICAL) if {*names} <= {*fields}), None)
     if axes is None:
@@ -140,11 +121,7 @@ def _find_usable(
 
 
 def _read_columns(file: pye57.E57, header: Any, names: Sequence[str]) -> Float[np.ndarray, "N C"]:
-    """Return columns of a scan's points, read piece by piece.
-
-    Raises:
-        ScanError: the data end early.
-    """
+    """Return columns of a scan's points, read piece by piece."""
     from pye57 import libe57  # pyright: ignore[reportAttributeAccessIssue]
 
     count = header.point_count
@@ -173,11 +150,7 @@ def _to_cartesian(polar: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
 
 
 def _find_pose(header: Any) -> _Pose:
-    """Return where the sensor of a scan stood.
-
-    Raises:
-        ScanError: numbers that are no pose.
-    """
+    """Return where the sensor of a scan stood."""
     if not header.has_pose():
         return _Pose(np.eye(3), np.zeros(3), True)
     rotation = np.array(_find_values(header, "rotation", "wxyz"))

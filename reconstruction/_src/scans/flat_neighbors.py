@@ -30,15 +30,7 @@ def find_flat(
     max_flatness: float,
     max_loneliness: float,
 ) -> Surroundings:
-    """Find which of the chosen points lie with their neighbors on a plane, and which are as sparse as these.
-
-    Args:
-        points: [m].
-        chosen: indices of the points that are looked at.
-        num_neighbors: neighbors of each.
-        max_flatness: on a plane their least variance over the largest is below this.
-        max_loneliness: as sparse is what is at most this many times farther from its neighbors than they from theirs.
-    """
+    """Find which of the chosen points lie with their neighbors on a plane, and which are as sparse as these."""
     num_neighbors = min(num_neighbors, len(points) - 1)
     if not len(chosen) or num_neighbors < 1:
         none = np.zeros(len(chosen), bool)

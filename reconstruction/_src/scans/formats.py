@@ -77,12 +77,7 @@ def read_points(
     max_bytes: float = MAX_BYTES,
     scene_extent: tuple[float, float] = SCENE_EXTENT,
 ) -> tuple[Float[np.ndarray, "N 3"], int]:
-    """Read points as `load_points` does; return them and how many were dropped as not finite or marked as noise.
-
-    Raises:
-        ScanError: see `load_points`.
-        MissingExtraError: the library that reads this kind is not installed.
-    """
+    """Read points as `load_points` does; return them and how many were dropped as not finite or marked as noise."""
     path = Path(path)
     if unit not in (None, "auto", *UNITS):
         raise ScanError(f"{path}: unknown unit {unit!r}; there are: {', '.join(UNITS)}, auto")

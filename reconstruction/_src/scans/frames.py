@@ -77,17 +77,7 @@ class Frame:
 
 
 def make_frame(raw: RawPoints, unit: str | None = None, up: str | None = None, scale: float = 1.0) -> Frame:
-    """Return the frame of a file: what the caller says, else what the file says, else meters with z up.
-
-    Args:
-        raw: what the file holds.
-        unit: name of its unit, or None.
-        up: name of its axis that points up, or None.
-        scale: a further factor.
-
-    Raises:
-        ScanError: there is no such unit or axis, or the scale is not above 0.
-    """
+    """Return the frame of a file: what the caller says, else what the file says, else meters with z up."""
     if unit is not None and unit not in UNITS:
         raise ScanError(f"unknown unit {unit!r}; there are: {', '.join(UNITS)}")
     up = up or raw.up or "z"
@@ -102,12 +92,7 @@ def make_frame(raw: RawPoints, unit: str | None = None, up: str | None = None, s
 def find_offset(
     positions: Float[np.ndarray, "N 3"], config: FrameConfig | None = None
 ) -> Float[np.ndarray, " 3"]:
-    """Return what is subtracted from coordinates far from the origin [m], zeros from others.
-
-    Args:
-        positions: `[N, 3]` [m].
-        config: when they are far.
-    """
+    """Return what is subtracted from coordinates far from the origin [m], zeros from others."""
     config = config or FrameConfig()
     center, extent = np.median(positions, axis=0), float(np.ptp(positions, axis=0).max())
     distance = float(np.linalg.norm(center))

@@ -42,11 +42,6 @@ def read_las(file: BoundedFile) -> RawPoints:
     """Read x, y, z and colors; points that the file calls noise or withheld are left out.
 
     The unit is that of the file's coordinate system, where it has one (GeoTIFF keys or WKT).
-
-    Raises:
-        ScanError: the header promises more than the file holds, or the coordinates are degrees.
-        MissingExtraError: laspy or lazrs is not installed.
-        UnreadableFileError: more points than the file's limit allows.
     """
     require_extras(f"a {file.suffix} file", "formats")
     import laspy
@@ -84,12 +79,7 @@ def read_las(file: BoundedFile) -> RawPoints:
 
 
 def _check_counts(file: BoundedFile) -> None:
-    """Refuse counts that cannot be true, before laspy and lazrs take memory and hours for them.
-
-    Raises:
-        ScanError: more records or chunks than the file has room for.
-        UnreadableFileError: the file ends within its header.
-    """
+    """Refuse counts that cannot be true, before laspy and lazrs take memory and hours for them."""
     head = file.read_exactly(min(_HEADER_BYTES, file.size))
     if len(head) < _OLD_HEADER_BYTES or head[:4] != _MAGIC:
         raise ScanError("no .las file: it does not begin with 'LASF' and a header")
@@ -125,11 +115,7 @@ def _find_colors(chunk: Any) -> UInt16[np.ndarray, "N 3"]:
 
 
 def find_las_units(header: laspy.LasHeader) -> tuple[float | None, float]:
-    """Return the meters of a unit of x and y, or None, and how many of them a unit of z has.
-
-    Raises:
-        ScanError: the coordinates are longitude and latitude.
-    """
+    """Return the meters of a unit of x and y, or None, and how many of them a unit of z has."""
     keys: dict[int, int] = {}
     text = ""
     for record in [*header.vlrs, *(header.evlrs or [])]:

@@ -144,12 +144,6 @@ def match_scans(
     1. to 3. Every scan is matched to the map (`match_to_map`).
     4. The track is fused with the odometry (`fuse_odometry`): the scanner sways with the robot, its foot does
        not. The whole is moved so that it begins at the start.
-
-    Args:
-        scans: the horizontal scans.
-        sway: displacement of the scanner in the robot that leveling found [m].
-        progress: called with the current step.
-        config: configuration of matching and odometry.
     """
     config = config or LocalizationConfig()
     planar = match_to_map(scans, sway, config.matching, progress)
@@ -171,12 +165,6 @@ def find_pitch(
     The wheels leave the track uncertain, and sway that lasts looks like driving. For a scanner at 0.3 m, vibration of
     0.7 degrees with a memory of half a scan, wheels wrong by 5 mm a square root of a meter and matches good to
     0.8 mm, the optimal (Wiener) filter leaves 0.29 degrees; this leaves 0.30.
-
-    Args:
-        matched: x, y, yaw as the scans were matched.
-        planar: the same, fused with the odometry.
-        height: height of the horizontal scanner above the ground [m]; below 0.1 m the pitch is 0.
-        config: the vibration, as large as the way to the matched poses where it is None, and the error of matching.
     """
     config = config or LocalizationConfig()
     if height < config.min_height:

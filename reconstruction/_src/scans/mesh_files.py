@@ -97,24 +97,12 @@ def is_mesh(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> bool:
 
 
 def read_mesh_points(path: Path, max_bytes: float) -> RawPoints:
-    """Return the vertices of a mesh as points, in the frame of the file.
-
-    Raises:
-        ScanError: not readable, or no triangles.
-        UnreadableFileError: larger than the limit.
-        MissingExtraError: a .dae is read and pycollada is not installed.
-    """
+    """Return the vertices of a mesh as points, in the frame of the file."""
     return _read(path, max_bytes)[1]
 
 
 def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
-    """Return the mesh, and its vertices with what the file says about its frame.
-
-    Raises:
-        ScanError: not readable, or no triangles.
-        UnreadableFileError: larger than the limit.
-        MissingExtraError: a .dae is read and pycollada is not installed.
-    """
+    """Return the mesh, and its vertices with what the file says about its frame."""
     import trimesh
 
     kind = path.suffix.lower()
@@ -139,13 +127,7 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
 
 
 def _check_file(path: Path, kind: str, max_bytes: float) -> None:
-    """Refuse what cannot be read within the limit, before it is read.
-
-    Raises:
-        ScanError: no mesh file, or one that makes its reader allocate more than it holds.
-        UnreadableFileError: larger than the limit.
-        MissingExtraError: a .dae is read and pycollada is not installed.
-    """
+    """Refuse what cannot be read within the limit, before it is read."""
     if not path.is_file():
         raise ScanError("is a folder, not a file" if path.is_dir() else "there is no such file")
     if kind in (".gz", ".bz2"):
@@ -163,12 +145,7 @@ def _check_file(path: Path, kind: str, max_bytes: float) -> None:
 
 
 def _check_accessors(path: Path, kind: str, max_bytes: float) -> None:
-    """Refuse a glTF file that promises more values than the limit allows: without data they are zeros.
-
-    Raises:
-        ScanError: no glTF.
-        UnreadableFileError: more than the limit.
-    """
+    """Refuse a glTF file that promises more values than the limit allows: without data they are zeros."""
     data = path.read_bytes()
     try:
         if kind == ".glb":

@@ -119,11 +119,6 @@ def find_mixed_beams(
 
     In a cluttered scene 2 and 3 would cost a tenth of the beams: those with the highest jumps go, at most
     `max_share` of all valid beams.
-
-    Args:
-        ranges: [m], nan: no return.
-        angles: angles of the beams [rad]; where they are far apart, `step` grows (`find_step`).
-        config: the thresholds.
     """
     config = config or MixedPixelsConfig()
     step = config.step if angles is None else find_step(angles, config)
@@ -155,11 +150,6 @@ def find_needed_beams(
     A far wall, or one at a low angle, has steps between neighboring beams that look like veil points in a single
     scan. In space its readings lie on a plane, among others as far apart; those of a veil do not, or the plane
     contains the beam.
-
-    Args:
-        log: the scans.
-        is_mixed: result of `find_mixed_beams`.
-        config: the gap that is left open, and what counts as a surface.
     """
     config = config or MixedPixelsConfig()
     is_needed = np.zeros(is_mixed.shape, bool)
@@ -195,12 +185,7 @@ def _find_jump_heights(
 
 
 def find_step(angles: Float[np.ndarray, " B"], config: MixedPixelsConfig | None = None) -> float:
-    """Return the step that makes a veil point [m]: it grows where beams are farther apart than `step_spacing`.
-
-    Args:
-        angles: angles of the beams [rad].
-        config: the step and its spacing; 10 cm for half a degree unless given.
-    """
+    """Return the step that makes a veil point [m]: it grows where beams are farther apart than `step_spacing`."""
     config = config or MixedPixelsConfig()
     spacing = float(np.median(np.abs(np.diff(angles)))) if len(angles) > 1 else config.step_spacing
     is_coarse = spacing > _SAME_SPACING * config.step_spacing
@@ -211,10 +196,6 @@ def find_noise(ranges: Float[np.ndarray, "S B"], stride: int = 8) -> float:
     """Estimate the standard deviation of the noise [m]; 0 where no three neighboring beams returned.
 
     On a plane 1/r hardly bends from beam to beam: ``r^2 (q_(i+1) - 2 q_i + q_(i-1))`` has sqrt(6) times the noise.
-
-    Args:
-        ranges: [m], nan: no return.
-        stride: every n-th scan is used.
     """
     inverse = 1.0 / ranges[::stride]
     bend = np.abs(inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2])
@@ -232,11 +213,6 @@ def find_jumps(
     beams i and i+1 are separated by a jump where both ``|r_(i+1) - r_i|`` and ``r_i r_(i+1) |s_i - s_j|``,
     ``s_i = 1/r_(i+1) - 1/r_i``, for all but one of the four neighboring steps j (two on either side), exceed
     ``jump + jump_per_meter sqrt(r_i r_(i+1))``.
-
-    Args:
-        ranges: [m], nan: no return.
-        jump: several times the noise of a step [m].
-        jump_per_meter: its growth with the range.
     """
     step = np.diff(1.0 / ranges, axis=1)
     num_steps = step.shape[1]

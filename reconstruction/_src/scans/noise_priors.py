@@ -54,9 +54,6 @@ def estimate_shake(declination: Float[np.ndarray, " S"]) -> float:
     """Return the standard deviation of the sway [rad], from the declination of the floor in every scan.
 
     The floor shows the roll of a robot; its pitch is taken as alike. Scans in which no floor was seen have 0.
-
-    Args:
-        declination: see `find_declination` [rad].
     """
     seen = declination[declination != 0.0]
     if len(seen) < LEAST_SCANS:
@@ -69,10 +66,6 @@ def estimate_slip(error: Float[np.ndarray, " S"], way: Float[np.ndarray, " S"]) 
 
     The mean squared difference of the error over k scans (a variogram) is ``2 sway^2 + slip^2 way_k``: a line through
     it has the slip as its slope, and sway and matching, which do not add up, as its offset.
-
-    Args:
-        error: matched pose less what the wheels count, along one coordinate [m] or [rad].
-        way: way of the wheels up to every scan [m].
     """
     if len(error) < LEAST_SCANS:
         return UNKNOWN_SLIP, float("nan")

@@ -61,12 +61,6 @@ def fuse_odometry(
     The wheels are calibrated first, by the mean ratio of matched and counted ways and turns. Then this minimizes
     ``sum |x_i - z_i|^2 / sway^2 + sum |x_(i+1) - x_i - R(yaw_i) u_i|^2 / (slip^2 way_i)`` over all positions x, z
     the matched ones and u the steps of the wheels: a tridiagonal system, solved exactly. Likewise for yaw.
-
-    Args:
-        planar: matched x, y, yaw.
-        odometry: x, y, yaw as the wheels count them.
-        sway: standard deviation of the scanner's sway about the foot, and the matching's error [m]; None: estimated.
-        config: how far the odometry is trusted.
     """
     config = config or OdometryConfig()
     if len(planar) < 3:

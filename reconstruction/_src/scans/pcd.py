@@ -56,12 +56,7 @@ class _Header(NamedTuple):
 
 
 def read_pcd(file: BoundedFile) -> RawPoints:
-    """Read x, y, z, colors and viewpoint; the header is checked against the data before anything is allocated.
-
-    Raises:
-        ScanError: the header is incomplete or contradicts itself or the data.
-        UnreadableFileError: the file ends before its data, or exceeds its limit.
-    """
+    """Read x, y, z, colors and viewpoint; the header is checked against the data before anything is allocated."""
     header = _read_header(file)
     if header.data == "ascii":
         raw = _read_ascii(file, header)
@@ -147,11 +142,7 @@ def _check_header(words: dict[str, list[str]]) -> _Header:
 
 
 def _parse_viewpoint(words: list[str] | None) -> tuple[float, ...] | None:
-    """Return the numbers of VIEWPOINT, or None where the header lacks it.
-
-    Raises:
-        ScanError: these are not seven finite numbers.
-    """
+    """Return the numbers of VIEWPOINT, or None where the header lacks it."""
     if not words:
         return None
     try:

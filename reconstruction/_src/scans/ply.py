@@ -85,10 +85,6 @@ def read_ply(file: BoundedFile) -> RawPoints:
     """Read x, y, z and the colors of the element `vertex`.
 
     Numbers in text keep all their digits, whatever their type says.
-
-    Raises:
-        ScanError: the header is incomplete, contradicts the data, or asks for too many rows with lists.
-        UnreadableFileError: the file ends before its data, or exceeds its limit.
     """
     byte_order, elements = _read_header(file)
     names = [element.name for element in elements]
@@ -150,12 +146,7 @@ def _find_type(name: str) -> str:
 
 
 def find_num_faces(file: BoundedFile) -> int:
-    """Return how many faces the header of a .ply file promises.
-
-    Raises:
-        ScanError: no .ply file, or a broken header.
-        UnreadableFileError: the file ends within its header.
-    """
+    """Return how many faces the header of a .ply file promises."""
     _, elements = _read_header(file)
     return sum(element.num_rows for element in elements if element.name == "face")
 

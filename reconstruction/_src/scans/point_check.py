@@ -21,10 +21,6 @@ def check_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
     """Return the points as a contiguous float64 array.
 
     Any real number type in any memory order is accepted.
-
-    Raises:
-        ReconstructionError: another shape, not numbers, NaN or infinity, fewer than 4 points, all in one
-            place or on one line.
     """
     try:
         array = np.asarray(points)
@@ -50,11 +46,7 @@ def check_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
 
 
 def check_number(points: Float[np.ndarray, "N 3"], units: int) -> None:
-    """Check the number of units of a network.
-
-    Raises:
-        ReconstructionError: no whole number, below 4, or more than there are distinct points.
-    """
+    """Check the number of units of a network."""
     if isinstance(units, bool) or not isinstance(units, int | np.integer):
         raise ReconstructionError(f"units must be a whole number, got {units!r}")
     if units < _MIN_POINTS:

@@ -39,13 +39,7 @@ _MIN_POINTS = 3
 
 
 def read_raw(path: Path, max_bytes: float) -> RawPoints:
-    """Read what a file holds, in its own frame; rows may hold nan.
-
-    Raises:
-        ScanError: the file is absent, broken, too large, of another kind, or holds fewer than three finite points;
-            the message names the file and the reason.
-        MissingExtraError: the library that reads this kind is not installed.
-    """
+    """Read what a file holds, in its own frame; rows may hold nan."""
     kind = find_kind(path)
     try:
         if kind in _PATH_READERS:
@@ -87,12 +81,7 @@ def _refuse_kind(kind: str) -> str:
 
 
 def _read_plain(path: Path, kind: str, max_bytes: float) -> RawPoints:
-    """Read a file whose library needs its path.
-
-    Raises:
-        ScanError: absent, a folder, empty or compressed.
-        UnreadableFileError: larger than the limit.
-    """
+    """Read a file whose library needs its path."""
     if not path.is_file():
         raise ScanError("is a folder, not a file" if path.is_dir() else "there is no such file")
     if path.suffix.lower() in _PACKINGS:

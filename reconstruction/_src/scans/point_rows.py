@@ -27,30 +27,18 @@ _MAX_DIGITS = 19
 
 
 def check_num_points(file: BoundedFile, num_points: int) -> None:
-    """Check that the file's limit allows for an array of this many points.
-
-    Raises:
-        UnreadableFileError: it does not.
-    """
+    """Check that the file's limit allows for an array of this many points."""
     check_size(_POINT_BYTES * num_points, file.max_bytes)
 
 
 def allocate_points(file: BoundedFile, num_points: int) -> Float[np.ndarray, "N 3"]:
-    """Return an uninitialized array for this many points, if the file's limit allows.
-
-    Raises:
-        UnreadableFileError: it does not.
-    """
+    """Return an uninitialized array for this many points, if the file's limit allows."""
     check_num_points(file, num_points)
     return np.empty((num_points, 3))
 
 
 def read_lines(file: BoundedFile) -> Iterator[str]:
-    """Yield the lines of text from here on; a byte order mark is skipped.
-
-    Raises:
-        ScanError: the data are binary.
-    """
+    """Yield the lines of text from here on; a byte order mark is skipped."""
     text = TextIOWrapper(file.stream, encoding="utf-8-sig")
     try:
         while line := text.readline(_MAX_LINE):
@@ -62,12 +50,7 @@ def read_lines(file: BoundedFile) -> Iterator[str]:
 
 
 def read_header_line(file: BoundedFile) -> str:
-    """Return the next line of the text before binary data, without surrounding blanks.
-
-    Raises:
-        ScanError: the header is too long.
-        UnreadableFileError: the file ends within the header.
-    """
+    """Return the next line of the text before binary data, without surrounding blanks."""
     if file.stream.tell() > _MAX_HEADER:
         raise ScanError(f"the header is longer than {_MAX_HEADER} bytes")
     line = file.stream.readline(_MAX_LINE)
@@ -92,19 +75,7 @@ def read_text_rows(
     delimiter: str | None = None,
     comments: str | None = "#",
 ) -> Float[np.ndarray, "N C"]:
-    """Read columns of numbers, one row a line; blank lines are skipped.
-
-    Args:
-        file: where the lines come from.
-        lines: the text.
-        columns: which ones, three or more.
-        delimiter: between columns; blanks unless given.
-        comments: what begins a comment.
-
-    Raises:
-        ScanError: a row does not hold these numbers.
-        UnreadableFileError: the file has more lines than its limit allows points.
-    """
+    """Read columns of numbers, one row a line; blank lines are skipped."""
     check_num_points(file, file.num_lines)
     points, num_read, remaining = np.empty((file.num_lines, len(columns))), 0, iter(lines)
     while block := next_block(remaining):
@@ -122,10 +93,6 @@ def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> RawPo
     """Read binary records with the fields x, y, z as points, and their colors.
 
     Colors are the fields red, green and blue, or the field rgb: a whole number 0xRRGGBB.
-
-    Raises:
-        ScanError: the file ends before the last record, or a record is too large.
-        UnreadableFileError: more points than the file's limit allows.
     """
     if num_records * record.itemsize > file.num_left or record.itemsize > _MAX_LINE:
         raise ScanError(
@@ -163,11 +130,7 @@ def _find_colors(rows: Shaped[np.ndarray, " N"]) -> Num[np.ndarray, "N 3"]:
 
 
 def parse_count(word: str) -> int:
-    """Return the whole number from 0 on that a word of a header is.
-
-    Raises:
-        ScanError: it is none.
-    """
+    """Return the whole number from 0 on that a word of a header is."""
     if not (word.isascii() and word.isdigit() and len(word) <= _MAX_DIGITS):
         raise ScanError(f"the header has {word[:40]!r} where a number belongs")
     return int(word)

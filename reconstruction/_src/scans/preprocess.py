@@ -129,15 +129,7 @@ def clean_log(
     progress: Progress = silent,
     config: PreprocessConfig | None = None,
 ) -> ScanLog:
-    """Level a log, drop its mixed readings, and smooth it.
-
-    Args:
-        log: the scans.
-        across_jumps: see `preprocess`.
-        keep_sparse: keep mixed readings that a sparsely read surface needs (`find_needed_beams`).
-        progress: called with the current step.
-        config: configuration of the steps.
-    """
+    """Level a log, drop its mixed readings, and smooth it."""
     config = config or PreprocessConfig()
     progress("leveling", 0.0)
     log = level_floor(log, config=config.leveling)

@@ -12,24 +12,14 @@ from reconstruction._src.scans.smoothing import smooth_ranges
 def read_rays(
     log: ScanLog, config: PreprocessConfig | None = None
 ) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, "N 3"]]:
-    """Level, filter and smooth a log; return its points, and the position of the sensor at each [m].
-
-    Args:
-        log: the scans; only the points in its box are kept, where it has one.
-        config: configuration of the steps.
-    """
+    """Level, filter and smooth a log; return its points, and the position of the sensor at each [m]."""
     return read_colored_rays(log, config)[:2]
 
 
 def read_colored_rays(
     log: ScanLog, config: PreprocessConfig | None = None
 ) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, "N 3"], UInt8[np.ndarray, "N 3"] | None]:
-    """Return the points and origins of `read_rays`, and the colors of the points where the log has a camera's.
-
-    Args:
-        log: the scans.
-        config: configuration of the steps.
-    """
+    """Return the points and origins of `read_rays`, and the colors of the points where the log has a camera's."""
     config = config or PreprocessConfig()
     log = remove_mixed_pixels(level_floor(log, config=config.leveling), config=config)
     log = smooth_ranges(log, config=config.smoothing)

@@ -34,17 +34,7 @@ def to_right_handed(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
 def load_3dtk(
     path: Path, min_range: float = 0.2, max_range: float = 32.0, max_bytes: float = MAX_BYTES
 ) -> ScanLog:
-    """Read the raw scan of a tilting planar scanner as a log: one scan a sweep.
-
-    Args:
-        path: the .3d file; the .pose file of the same name is read as well.
-        min_range: shorter ranges become nan [m]: those beams hit the robot itself.
-        max_range: longer ranges become nan [m]: those beams did not return. A SICK LMS 200 measures up to 32 m.
-        max_bytes: most bytes that the points may take.
-
-    Raises:
-        ScanError: a file is absent or broken, or the points are not ordered in sweeps of equal length.
-    """
+    """Read the raw scan of a tilting planar scanner as a log: one scan a sweep."""
     try:
         with open_bounded(path, max_bytes) as file:
             points = read_text(file).points
@@ -86,11 +76,7 @@ def _count_beams(path: Path, points: Float[np.ndarray, "N 3"]) -> int:
 
 
 def read_pose(path: Path) -> Float[np.ndarray, "4 4"]:
-    """Read position [cm] and Euler angles [deg] about x, y, z (left-handed) as a pose, sensor -> world.
-
-    Raises:
-        ScanError: the file is absent or holds no pose.
-    """
+    """Read position [cm] and Euler angles [deg] about x, y, z (left-handed) as a pose, sensor -> world."""
     try:
         with open_bounded(path, _MAX_POSE_BYTES) as file:
             values = np.array(file.read_exactly(file.size).split(), dtype=float)

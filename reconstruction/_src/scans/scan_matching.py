@@ -127,15 +127,6 @@ def match_to_map(
        and becomes one where the robot has gone on by 0.4 m or 0.35 rad.
     2. Some 400 scans are matched to the map of them all, 8 times over: the map settles, its loop closes.
     3. Every scan is matched to the final map.
-
-    Args:
-        scans: the horizontal scans.
-        sway: displacement of the scanner in the robot that leveling found [m].
-        config: configuration of the map and of a match.
-        progress: called with the current step.
-
-    Raises:
-        MissingExtraError: the extra `scan` is not installed.
     """
     require_extras("localizing a robot", "scan")
     config = config or ScanMatchingConfig()

@@ -91,11 +91,6 @@ def find_creases(
 
     On a plane 1/r bends little: ``c_i = r_i^2 |q_(i+2) - 2 q_i + q_(i-2)|``, ``q = 1/r``, is mere noise. A crease is
     where c_i exceeds ``crease + crease_per_meter r_i`` and both its neighbors.
-
-    Args:
-        ranges: [m], nan: no return.
-        crease: several times the noise of c [m].
-        crease_per_meter: its growth with the range.
     """
     bend = np.zeros(ranges.shape)
     if ranges.shape[1] >= 5:

@@ -37,10 +37,6 @@ def read_text(file: BoundedFile) -> RawPoints:
     Columns are colors where their names say so (r, g, b or red, green, blue), and without names where there are 6
     or 7 columns whose last three hold only whole numbers from 0 to 255. A first line of one number, the count of
     the rows as in .pts, is skipped.
-
-    Raises:
-        ScanError: no numbers, or fewer than three columns of them.
-        UnreadableFileError: the file exceeds its limit.
     """
     point_rows.check_num_points(file, file.num_lines)
     lines = point_rows.read_lines(file)
@@ -85,12 +81,7 @@ def _find_columns(words: list[str]) -> tuple[list[int], bool]:
 
 
 def read_obj(file: BoundedFile) -> RawPoints:
-    """Read the vertices (lines `v x y z`, or `v x y z r g b`) of a Wavefront file.
-
-    Raises:
-        ScanError: no vertices, or damaged ones.
-        UnreadableFileError: the file exceeds its limit.
-    """
+    """Read the vertices (lines `v x y z`, or `v x y z r g b`) of a Wavefront file."""
     vertices = (line for line in point_rows.read_lines(file) if line.startswith(("v ", "v\t")))
     first = next(vertices, "")
     columns = range(1, 7 if len(first.split()) == _COLORED_VERTEX else 4)
@@ -107,12 +98,7 @@ def has_obj_faces(file: BoundedFile) -> bool:
 
 
 def read_vtk(file: BoundedFile) -> RawPoints:
-    """Read the POINTS of a legacy .vtk file, ASCII or binary, of any kind of data set.
-
-    Raises:
-        ScanError: the header is incomplete or contradicts the data.
-        UnreadableFileError: the file ends before its data, or exceeds its limit.
-    """
+    """Read the POINTS of a legacy .vtk file, ASCII or binary, of any kind of data set."""
     head = [point_rows.read_header_line(file) for _ in range(3)]
     if not head[0].startswith("# vtk DataFile"):
         raise ScanError("no legacy .vtk file: it does not begin with '# vtk DataFile'")

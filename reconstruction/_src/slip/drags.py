@@ -119,13 +119,7 @@ class _Drags(NamedTuple):
 def find_friction(
     readings: SlipReadings, priors: SlipPriors | None = None, config: DragConfig | None = None
 ) -> FrictionReadings:
-    """Return the friction at every place where tracks slipped.
-
-    Args:
-        readings: of one survey.
-        priors: what is known of the sensors.
-        config: which readings count.
-    """
+    """Return the friction at every place where tracks slipped."""
     priors, config = priors or SlipPriors(), config or DragConfig()
     drags = _find_drags(readings, config)
     if not len(drags.runs):

@@ -21,17 +21,7 @@ def join_slip(
     offset: Float[np.ndarray, " 3"],
     priors: SlipPriors | None = None,
 ) -> FrictionReadings | None:
-    """Return friction by place after new slip; the known one where there is none.
-
-    Args:
-        known: from former surveys, positions minus the offset.
-        slip: readings since, in the coordinates of the scan.
-        offset: what is subtracted from these [m].
-        priors: what is known of the sensors.
-
-    Raises:
-        ReconstructionError: the slip is none.
-    """
+    """Return friction by place after new slip; the known one where there is none."""
     if slip is None:
         return known
     if not isinstance(slip, SlipReadings):
@@ -52,11 +42,7 @@ def join_slip(
 
 
 def read_slip_arrays(arrays: Mapping[str, np.ndarray]) -> FrictionReadings | None:
-    """Return friction by place from the arrays `slip_...` of a file; None where there are none.
-
-    Raises:
-        ReconstructionError: arrays of different lengths, or numbers that are not finite.
-    """
+    """Return friction by place from the arrays `slip_...` of a file; None where there are none."""
     if "slip_places" not in arrays:
         return None
     found = FrictionReadings(*(np.asarray(arrays[f"slip_{name}"]) for name in FrictionReadings._fields))

@@ -93,13 +93,6 @@ def find_friction_patches(
 
     Along every run, changes are found first; stretches of equal friction, wherever they are, are one patch then. The
     interval of a patch holds the scatter of its readings and the error that they share.
-
-    Args:
-        readings: friction by place.
-        config: see `FrictionPatchConfig`.
-
-    Returns:
-        The patches; None where there are too few readings for one.
     """
     config = config or FrictionPatchConfig()
     patch_of = _join(readings, _find_stretches(readings, config), config)
@@ -141,14 +134,7 @@ def _leave_borders(
     others: list[tuple[Int[np.ndarray, " _"], int, int]],
     config: FrictionPatchConfig,
 ) -> Int[np.ndarray, " I"]:
-    """Return the readings of a stretch that are not at its border with one of another friction.
-
-    Args:
-        readings: all.
-        part: those of the stretch.
-        others: the stretches before and after it, with the index of their reading next to it, and of its own.
-        config: see `FrictionPatchConfig`.
-    """
+    """Return the readings of a stretch that are not at its border with one of another friction."""
     is_inside = np.ones(len(part), dtype=bool)
     friction = readings.frictions[part].mean()
     for other, theirs, own in others:

@@ -12,11 +12,6 @@ def find_segments(values: Float[np.ndarray, " D"], sigma: float, penalty: float)
     Minimizes the sum of ``((value - mean of its stretch) / sigma)^2 + penalty`` per stretch, exactly, by dynamic
     programming.
 
-    Args:
-        values: in the order of the way.
-        sigma: standard deviation of a value within a stretch.
-        penalty: cost of one more stretch.
-
     References:
         Jackson et al. (2005), An algorithm for optimal partitioning of data on an interval, IEEE Signal Proc. Letters
         12(2).

@@ -50,16 +50,7 @@ class ColorSource:
     """Colored points, ready to be asked for the color of any place near them."""
 
     def __init__(self, cloud: Cloud, config: ColorConfig = COLOR_DEFAULTS) -> None:
-        """Sort the points.
-
-        Args:
-            cloud: points with colors; where it is known what each was seen from, points that were seen from behind a
-                place do not color it.
-            config: how a place takes its color.
-
-        Raises:
-            ReconstructionError: the cloud has no colors, or no points.
-        """
+        """Sort the points."""
         if cloud.colors is None or not cloud.num_points:
             raise ReconstructionError("the cloud has no colored points; give colors [N, 3], 0 to 255")
         self._colors = cloud.colors.astype(np.float32)
@@ -71,12 +62,7 @@ class ColorSource:
     def find_colors(
         self, places: Float[np.ndarray, "P 3"], normals: Float[np.ndarray, "P 3"] | None = None
     ) -> UInt8[np.ndarray, "P 3"]:
-        """Return red, green and blue of places, 0 to 255.
-
-        Args:
-            places: on the surface [m].
-            normals: of the surface there, towards free space; None: points behind are not told from those in front.
-        """
+        """Return red, green and blue of places, 0 to 255."""
         if not len(places):
             return np.zeros((0, 3), np.uint8)
         count = min(self._config.neighbors, len(self._points))
@@ -97,13 +83,7 @@ class ColorSource:
 
 
 def paint_mesh(mesh: trimesh.Trimesh, cloud: Cloud, config: ColorConfig = COLOR_DEFAULTS) -> None:
-    """Give the vertices of a mesh the colors of the points around them (`mesh.visual.vertex_colors`).
-
-    Args:
-        mesh: changed in place.
-        cloud: colored points, in its frame [m].
-        config: how a place takes its color.
-    """
+    """Give the vertices of a mesh the colors of the points around them (`mesh.visual.vertex_colors`)."""
     normals = None if cloud.origins is None else np.asarray(mesh.vertex_normals)
     colors = ColorSource(cloud, config).find_colors(np.asarray(mesh.vertices), normals)
     mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=add_alpha(colors))
@@ -134,10 +114,6 @@ def match_colors(known: Cloud, added: Cloud) -> tuple[Cloud, str]:
 
     Points without colors take those of the known points around them: a robot's laser has no camera. Colors of new
     points are dropped where the known ones have none: a surface is colored as a whole or not at all.
-
-    Args:
-        known: points of the surface so far.
-        added: points read since, in the same frame.
     """
     if known.colors is None:
         if added.colors is None:

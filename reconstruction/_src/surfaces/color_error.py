@@ -43,18 +43,7 @@ def measure_color_error(
     num_samples: int = 20_000,
     seed: int = 0,
 ) -> ColorError:
-    """Compare the vertex colors of a mesh with the true ones at samples of its surface.
-
-    Args:
-        mesh: colored.
-        truth: returns the true colors (0 to 1) of positions `[N, 3]` [m]; or a mesh with vertex colors.
-        edge: samples nearer than this to a change of the true colors by more than 0.1 are at an edge [m].
-        num_samples: spread evenly over the area.
-        seed: of the samples.
-
-    Raises:
-        ReconstructionError: one of them has no colors.
-    """
+    """Compare the vertex colors of a mesh with the true ones at samples of its surface."""
     colors = find_vertex_colors(mesh)
     if colors is None:
         raise ReconstructionError("the mesh has no vertex colors; give reconstruct() colored points")

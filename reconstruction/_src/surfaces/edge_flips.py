@@ -52,11 +52,6 @@ def flip_edges(
     """Return the faces with edges flipped where that lowers the curvature.
 
     After the first round only what lies around a flipped edge, or around one that had to wait, is checked again.
-
-    Args:
-        vertices: [m].
-        faces: faces of an oriented two-manifold; the result is one too, of the same topology.
-        config: which edges are flipped.
     """
     config = config or FlipConfig()
     faces = faces.copy()
@@ -81,17 +76,7 @@ def _flip_once(
     is_open: Bool[np.ndarray, " F"],
     config: FlipConfig,
 ) -> tuple[Int[np.ndarray, " C"], Int[np.ndarray, "C 3"], Int[np.ndarray, "R 4"]]:
-    """Flip edges of which no two touch the same face, those first that gain most.
-
-    Args:
-        vertices: [m].
-        faces: with all those that share an edge with an open one.
-        is_open: edges between two such faces may flip.
-        config: which edges are flipped.
-
-    Returns:
-        Which faces change, into what, and the corners of all edges worth flipping.
-    """
+    """Flip edges of which no two touch the same face, those first that gain most."""
     sides = group_sides(faces, len(vertices))
     hinges = find_hinges(faces, sides)
     normals = find_normals(vertices, faces)
@@ -119,16 +104,7 @@ def _rate_flips(
     candidates: Hinges,
     config: FlipConfig,
 ) -> tuple[Float[np.ndarray, " P"], Int[np.ndarray, "P 4"], Int[np.ndarray, "P 4"]]:
-    """Return what flipping each edge saves, 0 where it saves nothing; its corners and outer faces.
-
-    Args:
-        vertices: [m].
-        faces: faces of an oriented two-manifold.
-        normals: normals of the faces.
-        across: the face behind every side, -1 where none.
-        candidates: the edges, P of them.
-        config: how much must be saved.
-    """
+    """Return what flipping each edge saves, 0 where it saves nothing; its corners and outer faces."""
     pair, side = candidates.faces, candidates.sides
     first, second = pair.T
     a, b = faces[first, side[:, 0]], faces[first, (side[:, 0] + 1) % 3]

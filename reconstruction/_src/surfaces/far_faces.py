@@ -110,29 +110,14 @@ def cut_far_faces(
     seen_from: Int[np.ndarray, " N"] | None = None,
     config: FarConfig = FAR_DEFAULTS,
 ) -> CutMesh:
-    """Return a mesh without its far faces (`find_far_faces`); as it is where there are none, or nothing else.
-
-    Args:
-        vertices: [m].
-        faces: an oriented two-manifold; so is the rest.
-        points: readings of the surface [m].
-        viewpoints: positions of the sensor [m]; None: unknown.
-        seen_from: viewpoint of every point; None: unknown.
-        config: what is far.
-    """
+    """Return a mesh without its far faces (`find_far_faces`); as it is where there are none, or nothing else."""
     return cut_faces(vertices, faces, find_far_faces(vertices, faces, points, viewpoints, seen_from, config))
 
 
 def cut_faces(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_far: Bool[np.ndarray, " F"]
 ) -> CutMesh:
-    """Return a mesh without its far faces; as it is where there are none, or nothing else.
-
-    Args:
-        vertices: [m].
-        faces: an oriented two-manifold; so is the rest.
-        is_far: result of `find_far_faces`.
-    """
+    """Return a mesh without its far faces; as it is where there are none, or nothing else."""
     if not is_far.any() or is_far.all():
         return CutMesh(vertices, faces)
     areas = find_areas(vertices, faces)
@@ -153,14 +138,6 @@ def find_far_faces(
     """Return which faces lie far from every reading.
 
     Readings count where they lie on the surface, so that coarse faces beside dense readings are near them.
-
-    Args:
-        vertices: [m].
-        faces: an oriented two-manifold.
-        points: readings of the surface [m].
-        viewpoints: positions of the sensor [m]; None: unknown.
-        seen_from: viewpoint of every point; None: unknown.
-        config: what is far.
     """
     return measure_far_faces(vertices, faces, SeenPoints(points, viewpoints, seen_from), config).is_far
 
@@ -171,14 +148,7 @@ def measure_far_faces(
     cloud: SeenPoints,
     config: FarConfig = FAR_DEFAULTS,
 ) -> FarFaces:
-    """Return which faces lie far from every reading, with the spacing that tells.
-
-    Args:
-        vertices: [m].
-        faces: an oriented two-manifold.
-        cloud: readings of the surface.
-        config: what is far.
-    """
+    """Return which faces lie far from every reading, with the spacing that tells."""
     if len(faces) == 0 or len(cloud.points) <= config.neighbors:
         return FarFaces(np.zeros(len(faces), dtype=bool), 0.0)
     tree = cKDTree(cloud.points)
@@ -196,17 +166,7 @@ def find_far_among(
     cloud: SeenPoints,
     config: FarConfig = FAR_DEFAULTS,
 ) -> tuple[Bool[np.ndarray, " T"], float]:
-    """Return which of some faces lie far from every reading, and how far off the readings are that tell [m].
-
-    Args:
-        vertices: [m].
-        faces: an oriented two-manifold.
-        tested: indices of the faces in question; the others are taken to be near.
-        tree: of the readings that are looked at: all around these faces.
-        least: least spacing of the readings [m].
-        cloud: all readings; only the beams are taken from here.
-        config: what is far.
-    """
+    """Return which of some faces lie far from every reading, and how far off the readings are that tell [m]."""
     is_far = np.zeros(len(tested), dtype=bool)
     samples, is_open = find_open(vertices, faces[tested], tree, least, config)
     if not is_open.any():

@@ -33,13 +33,7 @@ _SHORTEST = 1e-300
 def find_folded_edges(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], angle: float = FOLD_ANGLE
 ) -> Int[np.ndarray, "P 2"]:
-    """Return the pairs of faces at the edges where the surface doubles back.
-
-    Args:
-        vertices: [m].
-        faces: wound in any way; those without area are no fold.
-        angle: by how much the normals differ there, at least [rad].
-    """
+    """Return the pairs of faces at the edges where the surface doubles back."""
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     return hinges.faces[measure_bends(vertices, faces, hinges) < np.cos(angle)]
 
@@ -62,11 +56,6 @@ def find_intersections(
 
     Faces that share a corner intersect where they meet elsewhere, too. Touching counts. Faces without area are
     left out.
-
-    Args:
-        vertices: [m].
-        faces: wound in any way.
-        is_selected: only pairs with such a face are searched; all if absent.
     """
     corners = np.asarray(vertices, dtype=np.float64)[faces]
     pairs = _find_near(corners, np.ones(len(faces), dtype=bool) if is_selected is None else is_selected)

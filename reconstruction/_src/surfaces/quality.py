@@ -163,12 +163,7 @@ def find_distances(
 
 
 def count_topology(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Topology:
-    """Count what makes, or spoils, a two-manifold.
-
-    Args:
-        faces: vertex indices.
-        num_vertices: how many vertices there are, with or without faces.
-    """
+    """Count what makes, or spoils, a two-manifold."""
     faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     keys = np.sort(directed, axis=1) @ np.array([num_vertices, 1])

@@ -92,18 +92,7 @@ def find_tangled(
     is_tested: Bool[np.ndarray, " F"] | None = None,
     before: tuple[Tangles, Bool[np.ndarray, " F"]] | None = None,
 ) -> Tangles:
-    """Return which faces are folded, or intersect another.
-
-    Args:
-        vertices: [m].
-        faces: faces of an oriented two-manifold.
-        hinges: their hinges.
-        is_suspect: these, and those at sharp edges, are tested for intersections with others.
-        sharp_angle: an edge is sharp where the normals of its faces differ by more [rad].
-        is_tested: only these are looked for; all if absent.
-        before: what was found before some vertices moved, and which faces have moved since: two faces of which neither
-            has moved meet as before.
-    """
+    """Return which faces are folded, or intersect another."""
     is_tangled = find_folded(vertices, faces)
     cosine = measure_bends(vertices, faces, hinges)
     is_tangled[hinges.faces[cosine < np.cos(FOLD_ANGLE)]] = True
@@ -130,14 +119,7 @@ def unfold_part(
     is_movable: Bool[np.ndarray, " V"],
     config: UnfoldConfig | None = None,
 ) -> Float[np.ndarray, "V 3"]:
-    """Do what `unfold_faces` does where only a part may move: the cost is that of the part.
-
-    Args:
-        vertices: [m].
-        faces: faces of an oriented two-manifold.
-        is_movable: the other vertices stay where they are, to the bit.
-        config: how vertices are moved.
-    """
+    """Do what `unfold_faces` does where only a part may move: the cost is that of the part."""
     config = config or UnfoldConfig()
     part = _cut_out(vertices, faces, is_movable)
     if part is None:
@@ -211,12 +193,6 @@ def unfold_faces(
 
     A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
     vertices around them move, too.
-
-    Args:
-        vertices: [m].
-        faces: faces of an oriented two-manifold.
-        config: how vertices are moved.
-        is_movable: the other vertices stay; all may move if absent.
     """
     return _unfold(vertices, faces, config or UnfoldConfig(), is_movable)[0]
 

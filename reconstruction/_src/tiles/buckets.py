@@ -38,15 +38,6 @@ def fill_buckets(
     """Write the points of each tile and its halo into a file of its own, in single precision from its corner.
 
     Memory is that of a chunk, however many points there are; the disk needs 12 bytes a point, and the halo's share.
-
-    Args:
-        stream: the points.
-        folder: an empty folder for the files.
-        config: size of the tiles and of the halo.
-        progress: called with each chunk.
-
-    Returns:
-        The tiles with points, ordered by place.
     """
     counts: dict[Place, int] = {}
     with_halo: dict[Place, int] = {}

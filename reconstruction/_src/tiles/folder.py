@@ -43,11 +43,7 @@ class TiledSurface:
 
     @classmethod
     def load(cls, folder: str | Path) -> TiledSurface:
-        """Read the index of a folder that `reconstruct_tiles` wrote.
-
-        Raises:
-            ReconstructionError: there is none, it is damaged, or the writing did not end.
-        """
+        """Read the index of a folder that `reconstruct_tiles` wrote."""
         folder = Path(folder)
         try:
             index = read_json(folder / INDEX)
@@ -74,12 +70,7 @@ class TiledSurface:
         return np.stack([places.min(axis=0), places.max(axis=0) + 1]) * self.tile
 
     def find_places(self, center: ArrayLike, radius: float) -> list[Place]:
-        """Return the tiles that a circle in plan touches.
-
-        Args:
-            center: (x, y), in the frame of the tiles [m]; further coordinates are left alone.
-            radius: [m].
-        """
+        """Return the tiles that a circle in plan touches."""
         low = np.array(self.places).reshape(-1, 2) * self.tile
         middle = np.asarray(center, dtype=np.float64)[:2]
         nearest = np.clip(middle, low, low + self.tile)
@@ -87,15 +78,7 @@ class TiledSurface:
         return [place for place, chosen in zip(self.places, is_near, strict=True) if chosen]
 
     def mesh(self, center: ArrayLike | None = None, radius: float = np.inf) -> trimesh.Trimesh:
-        """Return the tiles around a place as one mesh; all of them by default.
-
-        Args:
-            center: (x, y) [m]; None: the middle of all tiles.
-            radius: tiles farther away are left out [m].
-
-        Raises:
-            ReconstructionError: no tile is near, or one is missing or damaged.
-        """
+        """Return the tiles around a place as one mesh; all of them by default."""
         middle = self.bounds.mean(axis=0) if center is None else np.asarray(center, dtype=np.float64)[:2]
         places = self.find_places(middle, radius)
         if not places:
@@ -127,11 +110,7 @@ def name_tile(place: Place) -> str:
 
 
 def claim_folder(folder: Path) -> None:
-    """Make a folder ready for tiles: what a former reconstruction left is removed, other files stay.
-
-    Raises:
-        ReconstructionError: it holds something else.
-    """
+    """Make a folder ready for tiles: what a former reconstruction left is removed, other files stay."""
     if folder.exists() and not folder.is_dir():
         raise ReconstructionError(f"{folder} is a file; choose another folder")
     index = folder / INDEX

@@ -47,17 +47,7 @@ class PointStream(NamedTuple):
 
 
 def open_points(source: str | Path | ArrayLike | Cloud, meters: float | None = None) -> PointStream:
-    """Open a file or an array of points for reading in chunks.
-
-    Args:
-        source: a file .las or .laz (read in chunks, needs laspy), .npy of an array `[N, 3]` or wider (mapped into
-            memory), any other point file (read whole), or an array.
-        meters: length of a unit of the source [m]; None: what a .las or .laz says, else 1.
-
-    Raises:
-        ScanError: no points, or an array of another shape.
-        MissingExtraError: laspy is not installed.
-    """
+    """Open a file or an array of points for reading in chunks."""
     path = Path(source) if isinstance(source, str | Path) else None
     if path is not None and not path.is_file():
         raise ScanError(f"{path}: no such file")

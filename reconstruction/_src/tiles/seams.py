@@ -48,12 +48,6 @@ def join_tile(
 
     In the halo, a vertex moves towards the mean of its tile's surface and those of the neighbors; at the border it lies
     on that mean. Both sides of a border get the vertices of both, at the same places.
-
-    Args:
-        own: surface of the tile with its halo.
-        neighbors: column and row relative to the tile, each -1, 0 or 1 -> surface with its halo.
-        place: column and row of the tile.
-        config: size of the tiles and the halo, largest gap.
     """
     max_gap = config.max_gap * config.width
     cut = clip(own, place, config.tile)

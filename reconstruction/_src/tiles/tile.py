@@ -24,15 +24,7 @@ points, which takes seconds. With fewer steps, tiles lose more of their points."
 
 
 def reconstruct_tile(job: dict[str, Any]) -> dict[str, Any]:
-    """Reconstruct a tile with its halo and write its surface, in coordinates of the whole scan.
-
-    Args:
-        job: `points` and `out` (files), `place`, `seed`, `method`, `is_raw`, `config` (fields of `TilesConfig`), and
-            `viewpoints` (positions in the tile's coordinates, or None).
-
-    Returns:
-        `place`; `units` of the network, 0 where there are too few points; `used` points; `problem`, one line or None.
-    """
+    """Reconstruct a tile with its halo and write its surface, in coordinates of the whole scan."""
     config = TilesConfig(**job["config"])
     points = np.ascontiguousarray(read_bucket(Path(job["points"]), job.get("columns", 3))[:, :3])
     report = {"place": job["place"], "units": 0, "used": 0, "problem": None}
@@ -82,11 +74,7 @@ def write_surface(
 
 
 def read_colors(path: Path) -> UInt8[np.ndarray, "V 3"] | None:
-    """Read the colors of the vertices of a tile, or None.
-
-    Raises:
-        ReconstructionError: damaged.
-    """
+    """Read the colors of the vertices of a tile, or None."""
     try:
         if "colors" not in find_npz_names(path):
             return None
@@ -104,24 +92,14 @@ def read_colors(path: Path) -> UInt8[np.ndarray, "V 3"] | None:
 def find_tile_colors(
     bucket: Path, vertices: Float[np.ndarray, "V 3"], corner: Float[np.ndarray, " 3"]
 ) -> UInt8[np.ndarray, "V 3"]:
-    """Return the colors of the vertices of a tile, of its points and those of its halo.
-
-    Args:
-        bucket: file of its points, in six columns.
-        vertices: in coordinates of the whole scan [m].
-        corner: of the tile, there [m].
-    """
+    """Return the colors of the vertices of a tile, of its points and those of its halo."""
     rows = read_bucket(bucket, columns=6)
     colored = Cloud(rows[:, :3], np.clip(np.round(rows[:, 3:]), 0, WHITE).astype(np.uint8))
     return ColorSource(colored).find_colors(vertices - corner)
 
 
 def read_surface(path: Path) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
-    """Read the surface of a tile.
-
-    Raises:
-        ReconstructionError: missing or damaged.
-    """
+    """Read the surface of a tile."""
     try:
         arrays = read_npz(path, ("vertices", "faces"))
         vertices, faces = arrays["vertices"].astype(np.float64), arrays["faces"].astype(np.int64)

@@ -128,11 +128,7 @@ def reconstruct_tiles(
 
 
 def _read_viewpoints(viewpoints: ArrayLike | None, offset: Float[np.ndarray, " 3"]) -> np.ndarray | None:
-    """Return positions of the sensor in the frame of the tiles.
-
-    Raises:
-        ReconstructionError: they are none.
-    """
+    """Return positions of the sensor in the frame of the tiles."""
     if viewpoints is None:
         return None
     places = np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))

@@ -35,12 +35,6 @@ def run_in_processes(workers: int) -> RunJobs:
 
     Processes are started by `python -m`, not by fork (JAX holds threads) nor by `multiprocessing`'s spawn (which runs
     the caller's script again).
-
-    Args:
-        workers: number of processes; each takes about 0.3 GB, more with larger tiles.
-
-    Raises:
-        ReconstructionError: fewer than 1, or later: a process has died.
     """
     if workers < 1:
         raise ReconstructionError(f"workers is {workers}; 1 or more are needed")

@@ -65,13 +65,6 @@ def get_or_make(
     Two processes that want one entry at the same time make it once: the second waits. An entry that cannot be
     read is made again. A cache that cannot be written costs a warning, not the arena. What the time limit has cut
     short is not kept.
-
-    Args:
-        mesh: the repaired surface.
-        options: what is wanted.
-        make: makes it.
-        folder: where entries lie; the user's cache unless given.
-        is_two_sided: which faces were seen from behind, too.
     """
     folder = find_cache_folder("arenas") if folder is None else folder
     folder.mkdir(parents=True, exist_ok=True)

@@ -28,11 +28,7 @@ _SMALLEST_PIECE = 1e-12
 
 
 def check_friction(friction: float, what: str = "friction") -> None:
-    """Refuse a sliding friction that is no number or out of range.
-
-    Raises:
-        ArenaError: with the value and the range.
-    """
+    """Refuse a sliding friction that is no number or out of range."""
     low, high = FRICTION_LIMITS
     is_number = isinstance(friction, int | float | np.number) and not isinstance(friction, bool)
     if not (is_number and low <= friction <= high):
@@ -40,21 +36,13 @@ def check_friction(friction: float, what: str = "friction") -> None:
 
 
 def check_friction_source(source: str) -> None:
-    """Refuse a source of the friction that there is not.
-
-    Raises:
-        ArenaError: with the value and what there is.
-    """
+    """Refuse a source of the friction that there is not."""
     if source not in FRICTION_SOURCES:
         raise ArenaError(f"friction_source is {source!r}; there are: {', '.join(FRICTION_SOURCES)}")
 
 
 def check_name(name: str) -> None:
-    """Refuse a name that would not survive a line of text or an XML file.
-
-    Raises:
-        ArenaError: with the name, escaped.
-    """
+    """Refuse a name that would not survive a line of text or an XML file."""
     if not (isinstance(name, str) and name.isprintable() and 0 < len(name) <= _LONGEST_NAME):
         raise ArenaError(
             f"name is {str(name)[:_LONGEST_NAME]!r}; 1 to {_LONGEST_NAME} printable characters are needed"
@@ -62,15 +50,7 @@ def check_name(name: str) -> None:
 
 
 def check_piece(piece: trimesh.Trimesh, source: object) -> None:
-    """Refuse a contact piece that MuJoCo cannot compile: it takes the hull of the vertices in single precision.
-
-    Args:
-        piece: closed solid.
-        source: its file or name, for messages.
-
-    Raises:
-        ArenaError: not finite, too far out, open, or flat.
-    """
+    """Refuse a contact piece that MuJoCo cannot compile: it takes the hull of the vertices in single precision."""
     from reconstruction._src.geometry.hulls import make_hull
 
     check_vertices(piece, source)
@@ -85,15 +65,7 @@ def check_piece(piece: trimesh.Trimesh, source: object) -> None:
 
 
 def check_surface(surface: trimesh.Trimesh, source: object) -> None:
-    """Refuse an exact surface that cannot be drawn or hit by rays.
-
-    Args:
-        surface: any mesh.
-        source: its file or name, for messages.
-
-    Raises:
-        ArenaError: not finite, too far out, fewer than 4 vertices, or without area.
-    """
+    """Refuse an exact surface that cannot be drawn or hit by rays."""
     check_vertices(surface, source)
     if not len(surface.faces) or len(surface.vertices) < 4:
         raise ArenaError(
@@ -105,11 +77,7 @@ def check_surface(surface: trimesh.Trimesh, source: object) -> None:
 
 
 def check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
-    """Refuse a mesh with vertices that are not finite or farther out than `LARGEST_COORDINATE`.
-
-    Raises:
-        ArenaError: with the vertex.
-    """
+    """Refuse a mesh with vertices that are not finite or farther out than `LARGEST_COORDINATE`."""
     from reconstruction._src.geometry.mesh_repair import LARGEST_COORDINATE
 
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
@@ -123,11 +91,7 @@ def check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def check_height_field(field: HeightField, source: object) -> None:
-    """Refuse a height field whose arrays do not fit together.
-
-    Raises:
-        ArenaError: with the array that is wrong.
-    """
+    """Refuse a height field whose arrays do not fit together."""
     from reconstruction._src.geometry.mesh_repair import LARGEST_COORDINATE
 
     for name, array in field._asdict().items():

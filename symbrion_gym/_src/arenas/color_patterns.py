@@ -44,10 +44,6 @@ PATTERNS: dict[str, Callable[[Float[np.ndarray, "N 3"]], Float[np.ndarray, "N 3"
 
 
 def check_pattern(pattern: str | None) -> None:
-    """Refuse a pattern that there is not; None is none.
-
-    Raises:
-        ArenaError: with the name, and those that there are.
-    """
+    """Refuse a pattern that there is not; None is none."""
     if pattern is not None and pattern not in PATTERNS:
         raise ArenaError(f"color_pattern is {pattern!r}; there are: {', '.join(PATTERNS)}, or None")

@@ -221,11 +221,7 @@ COURSES = {"pit": Course, "stairs": StairsCourse}
 
 
 def make_course(fields: dict[str, Any]) -> Course | StairsCourse:
-    """Make a course of what `as_dict` returned.
-
-    Raises:
-        ArenaError: the kind is unknown, or a field is missing, unknown or out of range.
-    """
+    """Make a course of what `as_dict` returned."""
     values = dict(fields)
     kind = values.pop("kind", None)
     if not isinstance(kind, str) or kind not in COURSES:
@@ -313,11 +309,7 @@ def _extrude_convex(outline: Float[np.ndarray, "P 2"], width: float) -> trimesh.
 
 
 def _clip_ears(polygon: Float[np.ndarray, "P 2"]) -> Int[np.ndarray, "P-2 3"]:
-    """Triangulate a simple polygon without new points, by clipping ears.
-
-    Raises:
-        ArenaError: it crosses itself.
-    """
+    """Triangulate a simple polygon without new points, by clipping ears."""
     # Not manifold3d.triangulate: it makes other triangles, so another arena "simple".
     x, z = polygon.T
     is_clockwise = np.sum(x * np.roll(z, -1) - np.roll(x, -1) * z) < 0

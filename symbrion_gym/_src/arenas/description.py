@@ -96,11 +96,7 @@ class ArenaDescription:
             )
 
     def as_arena_fields(self) -> dict[str, Any]:
-        """Return the fields of an `Arena` that are not geometry.
-
-        Raises:
-            ArenaError: a field of quality or course is missing, unknown, of another type or out of range.
-        """
+        """Return the fields of an `Arena` that are not geometry."""
         return {
             "name": self.name,
             "kind": self.kind,
@@ -116,11 +112,7 @@ class ArenaDescription:
         }
 
     def find_files(self, folder: Path) -> ArenaFiles:
-        """Return the files of geometry that the arena in a folder consists of.
-
-        Raises:
-            ArenaError: there are more pieces in the folder, or in its list of files, or fewer than `num_pieces`.
-        """
+        """Return the files of geometry that the arena in a folder consists of."""
         meshes = folder / self.place
         pieces = [f"pieces/{index:03d}.obj" for index in range(self.num_pieces)]
         if self.place == PLAIN:  # elsewhere the files of two arenas are listed
@@ -152,14 +144,7 @@ class ArenaDescription:
 
 
 def load_description(path: Path) -> tuple[dict[str, Any], ArenaFiles]:
-    """Read `arena.json`; entries that it does not know are left alone.
-
-    Returns:
-        The fields of an `Arena` that are not geometry, and the files of those that are.
-
-    Raises:
-        ArenaError: missing, damaged, of a newer format, or a field is wrong; the message names file and field.
-    """
+    """Read `arena.json`; entries that it does not know are left alone."""
     if not path.is_file():
         raise ArenaError(f"{path.parent} holds no {path.name}")
     try:

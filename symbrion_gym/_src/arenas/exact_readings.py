@@ -16,13 +16,7 @@ _HIDDEN = 1e-3
 def simulate_readings(
     surface: trimesh.Trimesh, viewpoints: Float[np.ndarray, "K 3"], num_points: int = 20_000
 ) -> tuple[Float[np.ndarray, "N 3"], Int[np.ndarray, " N"]]:
-    """Return exact readings of a surface whose scan is not known, and the viewpoint of each.
-
-    Args:
-        surface: what is seen.
-        viewpoints: positions of the scanner [m].
-        num_points: points spread over the surface, of which each viewpoint reads those that it sees.
-    """
+    """Return exact readings of a surface whose scan is not known, and the viewpoint of each."""
     vertices = np.asarray(surface.vertices, dtype=np.float64)
     points = sample_area(vertices, np.asarray(surface.faces, dtype=np.int64), num_points)
     rays, found, seen_from = RayMesh([surface]), [], []

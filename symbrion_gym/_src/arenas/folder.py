@@ -28,11 +28,7 @@ from symbrion_gym._src.errors import ArenaError
 
 
 def load_arena_folder(folder: str | Path) -> dict[str, Any]:
-    """Return the fields of the arena in a folder.
-
-    Raises:
-        ArenaError: there is no arena in it, or a damaged one; the message names file and field.
-    """
+    """Return the fields of the arena in a folder."""
     folder = Path(folder)
     fields, files = load_description(folder / "arena.json")
     surface, uv = load_colored_obj(files.surface)

@@ -18,12 +18,7 @@ much thinner."""
 
 
 def split_pieces(pieces: list[trimesh.Trimesh], friction_map: FrictionMap) -> list[trimesh.Trimesh]:
-    """Return the pieces, those cut that the outline of a patch crosses; the others are the same objects.
-
-    Args:
-        pieces: convex solids.
-        friction_map: the patches.
-    """
+    """Return the pieces, those cut that the outline of a patch crosses; the others are the same objects."""
     outlines = [outline for patch in friction_map.patches for outline in patch.outlines]
     return [part for piece in pieces for part in _split_piece(piece, outlines)]
 

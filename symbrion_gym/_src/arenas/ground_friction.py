@@ -37,14 +37,7 @@ def choose_friction(
     course: Course | StairsCourse | None,
     felt: FrictionEstimate | None,
 ) -> GroundFriction:
-    """Return the friction of an arena: what is given goes before the course, this before what robots felt.
-
-    Args:
-        friction: as a user gave it.
-        friction_map: likewise.
-        course: the course that the surface is known to be.
-        felt: as robots felt it by their slip.
-    """
+    """Return the friction of an arena: what is given goes before the course, this before what robots felt."""
     if friction is not None:
         return GroundFriction(friction, "given", friction_map)
     if course is not None:

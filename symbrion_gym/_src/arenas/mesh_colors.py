@@ -19,12 +19,7 @@ _logger = logging.getLogger(__name__)
 
 
 def sample_mesh_colors(mesh: trimesh.Trimesh, vertices: Float[np.ndarray, "V 3"]) -> Cloud | None:
-    """Return points on a mesh with its colors: those of its vertices, its faces or its texture; None without colors.
-
-    Args:
-        mesh: as it was read.
-        vertices: where its vertices are now [m].
-    """
+    """Return points on a mesh with its colors: those of its vertices, its faces or its texture; None without colors."""
     visual: Any = mesh.visual
     faces = np.asarray(mesh.faces)
     if visual is None or not visual.defined or not len(faces) or not np.isfinite(vertices).all():

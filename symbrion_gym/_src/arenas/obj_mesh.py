@@ -22,20 +22,12 @@ _COLOR_DIGITS = 4
 
 
 def load_obj(path: Path) -> trimesh.Trimesh:
-    """Read a mesh exactly as the file has it.
-
-    Raises:
-        ArenaError: missing, too large, or something else than vertices and triangles.
-    """
+    """Read a mesh exactly as the file has it."""
     return load_colored_obj(path)[0]
 
 
 def load_colored_obj(path: Path) -> tuple[trimesh.Trimesh, Float[np.ndarray, "F 3 2"] | None]:
-    """Read a mesh exactly as the file has it, with colors of its vertices, and places of its faces in a texture.
-
-    Raises:
-        ArenaError: missing, too large, or something else than vertices and triangles.
-    """
+    """Read a mesh exactly as the file has it, with colors of its vertices, and places of its faces in a texture."""
     if not path.is_file():
         raise ArenaError(f"{path} is missing; build the arena again with make_arena")
     try:
@@ -53,13 +45,7 @@ def load_colored_obj(path: Path) -> tuple[trimesh.Trimesh, Float[np.ndarray, "F 
 
 
 def format_surface(mesh: trimesh.Trimesh, texture: SurfaceTexture | None, digits: int) -> bytes:
-    """Return a mesh as a file: colors of its vertices behind their places, places in a texture as `vt`.
-
-    Args:
-        mesh: the surface.
-        texture: of its faces; without it colors of vertices are left out, too.
-        digits: decimals of coordinates.
-    """
+    """Return a mesh as a file: colors of its vertices behind their places, places in a texture as `vt`."""
     # + 0.0 turns -0.0 into 0.0.
     vertices = np.round(np.asarray(mesh.vertices, dtype=np.float64), digits) + 0.0
     lines = [f"v {x:.{digits}f} {y:.{digits}f} {z:.{digits}f}" for x, y, z in vertices.tolist()]

@@ -86,11 +86,7 @@ class PlacedObject:
 
 
 def check_objects(objects: Any) -> tuple[PlacedObject, ...]:
-    """Return the objects of an arena.
-
-    Raises:
-        ArenaError: one is no `PlacedObject`, or there are too many.
-    """
+    """Return the objects of an arena."""
     objects = tuple(objects)
     if len(objects) > MAX_OBJECTS:
         raise ArenaError(f"there are {len(objects)} objects; {MAX_OBJECTS} are possible")
@@ -112,11 +108,7 @@ def name_objects(objects: Iterable[PlacedObject]) -> dict[str, PlacedObject]:
 
 
 def find_object(objects: Iterable[PlacedObject], name: str) -> PlacedObject:
-    """Return the object with a site's name, or the only one of a kind.
-
-    Raises:
-        ArenaError: there is none, or several; the message names those that there are.
-    """
+    """Return the object with a site's name, or the only one of a kind."""
     objects = tuple(objects)
     named = name_objects(objects)
     if name in named:
@@ -163,11 +155,7 @@ def format_objects(objects: Iterable[PlacedObject]) -> bytes:
 
 
 def read_objects(content: Any) -> tuple[PlacedObject, ...]:
-    """Return the objects that `as_dict` described.
-
-    Raises:
-        ArenaError: a field is missing or of another kind; the message names the object's number.
-    """
+    """Return the objects that `as_dict` described."""
     objects = []
     for number, each in enumerate(content):
         try:

@@ -38,11 +38,7 @@ def to_png(image: UInt8[np.ndarray, "H W 3"]) -> bytes:
 
 
 def load_png(path: Path) -> UInt8[np.ndarray, "H W 3"]:
-    """Read a picture, by MuJoCo's reader.
-
-    Raises:
-        ArenaError: missing, damaged or too large.
-    """
+    """Read a picture, by MuJoCo's reader."""
     try:
         content = path.read_bytes()
         width, height, *_ = _HEADER.unpack_from(content, _HEADER_AT)

@@ -56,11 +56,7 @@ class _Table:
 
 
 def find_arena_primitives(surface: trimesh.Trimesh, seed: int) -> Primitives:
-    """Return the primitives of an arena's surface; no rectangles where they would not make beams cheaper.
-
-    Raises:
-        ArenaError: the surface cannot be searched.
-    """
+    """Return the primitives of an arena's surface; no rectangles where they would not make beams cheaper."""
     try:
         found = find_primitives(surface, seed=seed)
     except ReconstructionError as error:
@@ -85,11 +81,7 @@ def primitives_to_dict(primitives: Primitives) -> dict[str, Any]:
 
 
 def primitives_from_dict(content: dict[str, Any]) -> Primitives:
-    """Return what `primitives_to_dict` was made of.
-
-    Raises:
-        ArenaError: a field is missing, of another type or out of range.
-    """
+    """Return what `primitives_to_dict` was made of."""
     try:
         table = as_type(content, _Table, "primitives")
     except JsonError as error:

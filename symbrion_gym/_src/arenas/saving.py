@@ -60,20 +60,7 @@ def save_arena(
     friction_map: FrictionMap | None = None,
     objects: tuple[PlacedObject, ...] = (),
 ) -> None:
-    """Write an arena as a folder; of what is there, only the files of a former arena are replaced.
-
-    Args:
-        folder: new, empty, or that of a former arena.
-        name: name of the arena.
-        geometry: its shapes.
-        friction: sliding friction of the ground.
-        about: the content of `arena.json`, without its format and the names of files.
-        friction_map: patches with another friction, for the model.
-        objects: known objects, for `arena.xml`.
-
-    Raises:
-        ArenaError: the folder contains files that are no arena's, and no arena or one of the new one's names.
-    """
+    """Write an arena as a folder; of what is there, only the files of a former arena are replaced."""
     folder = Path(folder)
     meshes, about = _format_meshes(geometry), {"format": FORMAT, **about}
     spec = make_arena_spec(name, geometry, friction, use_files=True, friction_map=friction_map)
@@ -97,11 +84,7 @@ def save_arena(
 
 
 def find_own_files(folder: Path) -> OwnFiles:
-    """Return which files in a folder are an arena's; none where there is no folder, or nothing in it.
-
-    Raises:
-        ArenaError: there is something else in it, and no arena that could be replaced.
-    """
+    """Return which files in a folder are an arena's; none where there is no folder, or nothing in it."""
     if folder.exists() and not folder.is_dir():
         raise ArenaError(f"{folder} is a file; choose another folder")
     spare = {f"{SPARE}{name}" for name in _list_files(folder / SPARE)}

@@ -25,13 +25,6 @@ def add_scan_quality(
 
     What the scan does not tell stays None: beams and free space without viewpoints. With viewpoints and without
     readings, exact readings of the surface take their place.
-
-    Args:
-        quality: distances, as measured before.
-        scanned: what the arena was made of, in its frame.
-        contact: convex pieces, or the height field in their place.
-        surface: the arena's surface.
-        config: how beams are compared.
     """
     quality = replace(quality, dropped=scanned.dropped)
     points, seen_from = scanned.points, scanned.seen_from

@@ -93,16 +93,7 @@ def take_surface(
     viewpoints: ArrayLike | None = None,
     frame: MeshFrame | None = None,
 ) -> ScannedSurface:
-    """Return a reconstruction, a mesh, or a file of either as a surface near the origin of its frame.
-
-    Args:
-        surface: what an arena is made of.
-        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the surface [m], z up.
-        frame: unit, axis and scale of a mesh; None for those that it states.
-
-    Raises:
-        ArenaError: the file cannot be read, the viewpoints are none, or a frame is given for a reconstruction.
-    """
+    """Return a reconstruction, a mesh, or a file of either as a surface near the origin of its frame."""
     scanned = _take(surface, frame or MeshFrame())
     if viewpoints is not None:
         scanned = _look_from(scanned, _check_viewpoints(viewpoints) - np.array(scanned.offset))
@@ -110,11 +101,7 @@ def take_surface(
 
 
 def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Trimesh:
-    """Return the repaired mesh, its winding kept where that tells where free space is.
-
-    Raises:
-        ArenaError: nothing usable is left of it.
-    """
+    """Return the repaired mesh, its winding kept where that tells where free space is."""
     try:
         return repair_mesh(scanned.mesh, replace(config, keeps_winding=scanned.is_oriented))
     except ReconstructionError as error:

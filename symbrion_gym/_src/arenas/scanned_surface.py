@@ -29,16 +29,7 @@ def make_scanned_surface(
     seed: int = 0,
     is_grid: bool = False,
 ) -> trimesh.Trimesh:
-    """Return a noisy open mesh of a profile drawn along y.
-
-    Args:
-        profile: the line (x, z) [m]; a vertical wall has the same x twice.
-        width: extent along y [m].
-        num_vertices: about how many vertices.
-        noise: standard deviation of the vertices' places, in every direction [m].
-        seed: seed of points and noise.
-        is_grid: a jittered grid, as a growing grid makes; else points spread evenly, as a GSRM makes.
-    """
+    """Return a noisy open mesh of a profile drawn along y."""
     rng = np.random.default_rng(seed)
     steps = np.linalg.norm(np.diff(profile, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])

@@ -45,13 +45,6 @@ def make_arena_spec(
 
     Physics options are left to the caller: `implicitfast`, the Newton solver, a dense Jacobian and a step of 5 ms
     are what the arenas were measured with.
-
-    Args:
-        name: name of the arena.
-        geometry: its shapes.
-        friction: sliding friction of the ground.
-        use_files: name meshes as in a saved arena's folder; else the spec compiles without any file.
-        friction_map: patches with another friction, by which the pieces are cut; None for one friction for all.
     """
     spec = mujoco.MjSpec()
     spec.modelname = f"arena {name}"

@@ -13,10 +13,6 @@ def place_modules(body: Organism, route: DrivingRoute) -> Float[np.ndarray, "N 4
     """Return the poses of the centers of all modules, hinges straight, the middle of the body at the start.
 
     The body stands level at the height of the ground at the start and looks where the route begins.
-
-    Args:
-        body: any body.
-        route: way for the middle of the body.
     """
     poses = body.find_poses()
     places = np.array([(pose.x, pose.y) for pose in poses])

@@ -15,13 +15,7 @@ from symbrion_gym._src.arenas.placed_objects import stretch_objects
 
 
 def stretch_arena(arena: Arena, factor: float) -> Arena:
-    """Return the arena with all lengths along x multiplied; boxes stay boxes, heights as they are.
-
-    Args:
-        arena: stays as it is.
-        factor: 1 returns the arena itself. Of the kind "mixed" any other gives one of the kind "convex": a
-            stretched sphere is no primitive.
-    """
+    """Return the arena with all lengths along x multiplied; boxes stay boxes, heights as they are."""
     if factor == 1.0:
         return arena
     course, heights, friction_map = arena.course, arena.height_field, arena.friction_map

@@ -14,12 +14,7 @@ from symbrion_gym._src.errors import ArenaError
 
 
 def paint_course(surface: trimesh.Trimesh, pattern: str) -> SurfaceTexture:
-    """Give the vertices of an exact surface the colors of a pattern, and return its texture.
-
-    Args:
-        surface: changed in place.
-        pattern: one of `PATTERNS`.
-    """
+    """Give the vertices of an exact surface the colors of a pattern, and return its texture."""
     paint = PATTERNS[pattern]
     colors = np.round(WHITE * paint(np.asarray(surface.vertices))).astype(np.uint8)
     surface.visual = trimesh.visual.ColorVisuals(surface, vertex_colors=add_alpha(colors))
@@ -32,17 +27,7 @@ def find_surface_colors(
     course: Course | StairsCourse | None,
     positions: Float[np.ndarray, "N 3"],
 ) -> Float[np.ndarray, "N 3"]:
-    """Return the colors (0 to 1) of the places of a surface that are nearest to positions.
-
-    Args:
-        surface: of an arena.
-        texture: its colors.
-        course: the exact course that it is, or None.
-        positions: [m].
-
-    Raises:
-        ArenaError: there are no colors.
-    """
+    """Return the colors (0 to 1) of the places of a surface that are nearest to positions."""
     if course is not None and course.color_pattern:
         return PATTERNS[course.color_pattern](positions)
     if texture is None:

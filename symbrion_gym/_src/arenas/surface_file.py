@@ -35,11 +35,7 @@ _POINT_ENDINGS = (
 
 
 def check_has_surface(path: Path) -> None:
-    """Refuse a file of points, which has no surface.
-
-    Raises:
-        ArenaError: the message is the command that reconstructs the surface.
-    """
+    """Refuse a file of points, which has no surface."""
     if path.is_file() and _holds_points(path):
         stem = path.name.split(".")[0] or "surface"
         raise ArenaError(
@@ -64,11 +60,7 @@ def _holds_points(path: Path) -> bool:
 
 
 def load_surface(path: str | os.PathLike[str]) -> trimesh.Trimesh:
-    """Read a mesh file in any format that trimesh knows; of packed ones .zip and .3mf alone.
-
-    Raises:
-        ArenaError: no such file, too large once unpacked, or it holds no triangles.
-    """
+    """Read a mesh file in any format that trimesh knows; of packed ones .zip and .3mf alone."""
     path = Path(path)
     if not path.is_file():
         raise ArenaError(f"no mesh file {path}")

@@ -36,12 +36,7 @@ class SurfaceTexture(NamedTuple):
     def find_colors(
         self, face: Int[np.ndarray, " N"], weights: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
-        """Return the colors (0 to 1) of places on faces, between texels as a renderer takes them.
-
-        Args:
-            face: of each place.
-            weights: barycentric coordinates.
-        """
+        """Return the colors (0 to 1) of places on faces, between texels as a renderer takes them."""
         height, width = self.image.shape[:2]
         uv = np.einsum("nk,nki->ni", weights, self.uv[face])
         column, row = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
@@ -56,13 +51,7 @@ class SurfaceTexture(NamedTuple):
 
 
 def make_texture(mesh: trimesh.Trimesh, cloud: Cloud, config: AtlasConfig | None = None) -> SurfaceTexture:
-    """Return a texture of a mesh in which each texel has the color of the points around it.
-
-    Args:
-        mesh: the surface [m].
-        cloud: colored points, in its frame.
-        config: how fine the texture is.
-    """
+    """Return a texture of a mesh in which each texel has the color of the points around it."""
     config = config or AtlasConfig()
     texel = config.texel or _find_spacing(cloud)
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
@@ -75,13 +64,7 @@ def make_texture(mesh: trimesh.Trimesh, cloud: Cloud, config: AtlasConfig | None
 
 
 def paint_texture(mesh: trimesh.Trimesh, paint: Paint, texel: float = 0.01) -> SurfaceTexture:
-    """Return a texture of a mesh whose colors are known everywhere.
-
-    Args:
-        mesh: the surface [m].
-        paint: returns the colors (0 to 1) of positions.
-        texel: edge of a texel [m].
-    """
+    """Return a texture of a mesh whose colors are known everywhere."""
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
     atlas = make_atlas(triangles, texel, AtlasConfig())
     image = _make_blank(atlas, _WHITE * np.asarray(paint(np.asarray(mesh.vertices))).mean(axis=0))
@@ -97,11 +80,7 @@ def _make_blank(atlas: Atlas, color: Float[np.ndarray, " 3"]) -> UInt8[np.ndarra
 
 
 def check_texture(texture: SurfaceTexture, mesh: trimesh.Trimesh, what: object) -> None:
-    """Refuse a texture that does not belong to a surface.
-
-    Raises:
-        ArenaError: naming what is wrong.
-    """
+    """Refuse a texture that does not belong to a surface."""
     image, uv = texture
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
         raise ArenaError(f"{what}: the texture must be bytes [H, W, 3], not {image.dtype} of {image.shape}")

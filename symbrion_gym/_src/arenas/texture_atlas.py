@@ -94,13 +94,7 @@ class Atlas(NamedTuple):
 
 
 def make_atlas(triangles: Float[np.ndarray, "F 3 3"], texel: float, config: AtlasConfig) -> Atlas:
-    """Lay out triangles, in cells so large that texels are no larger than wanted, where the picture has room for it.
-
-    Args:
-        triangles: corners [m].
-        texel: wanted edge of a texel [m].
-        config: limits.
-    """
+    """Lay out triangles, in cells so large that texels are no larger than wanted, where the picture has room for it."""
     lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)  # edge k: from corner k on
     first = (lengths.argmax(axis=1) + 2) % 3  # opposite to the longest edge
     order = (first[:, None] + np.arange(3)) % 3

@@ -14,15 +14,7 @@ LIT_COLOR = (0.8, 0.8, 0.8, 1.0)
 def add_texture(
     spec: mujoco.MjSpec, geom: mujoco.MjsGeom, texture: SurfaceTexture, use_files: bool = False
 ) -> None:
-    """Give a mesh geom a texture by a material of the name of the geom; without gloss, as a scan shows none.
-
-    Args:
-        spec: with the mesh of the geom in it.
-        geom: a mesh, its faces those of the texture.
-        texture: the colors.
-        use_files: name the picture as in a saved arena's folder, where the mesh file says where triangles lie in it;
-            else the spec compiles without any file.
-    """
+    """Give a mesh geom a texture by a material of the name of the geom; without gloss, as a scan shows none."""
     name, image = geom.name, texture.image
     picture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, nchannel=3)
     if use_files:

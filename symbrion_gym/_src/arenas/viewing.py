@@ -42,18 +42,7 @@ def make_view_spec(
     route: DrivingRoute | None = None,
     robot: Organism | None = None,
 ) -> mujoco.MjSpec:
-    """Return a spec to look at: nothing of it is touched by anything.
-
-    Args:
-        arena: any arena.
-        layers: what is shown, of `LAYERS`.
-        ground: where a body can drive, for the layer "drivable".
-        route: way on it, for the layer "route".
-        robot: what stands at the start of the route, as one box a module; None for nothing.
-
-    Raises:
-        OptionError: there is no such layer.
-    """
+    """Return a spec to look at: nothing of it is touched by anything."""
     unknown = [layer for layer in layers if layer not in LAYERS]
     if unknown:
         raise OptionError(f"no layer {unknown[0]!r}; there are {', '.join(LAYERS)}")
@@ -75,11 +64,7 @@ def make_view_spec(
 
 
 def open_viewer(spec: mujoco.MjSpec) -> None:
-    """Show a spec in MuJoCo's viewer until its window is closed.
-
-    Raises:
-        OptionError: there is no display.
-    """
+    """Show a spec in MuJoCo's viewer until its window is closed."""
     if not has_display():
         raise OptionError("no display: MuJoCo's viewer cannot open; draw a picture instead")
     from mujoco import viewer

@@ -46,12 +46,6 @@ def find_miss(
 ) -> float:
     """Return how far contact geometry misses what is wanted: the worst of its figures over the wanted one; 1 or less
     where nothing is missed.
-
-    Args:
-        contact: contact geometry.
-        accuracy: wanted mean distance [m].
-        max_pieces: wanted number of pieces.
-        config: wanted shares.
     """
     if contact.height_field is None and not contact.pieces:
         return float("inf")

@@ -140,14 +140,7 @@ def turn_into_boxes(
     config: BoxConfig = BOX_DEFAULTS,
     is_exceeded: Callable[[], bool] = never,
 ) -> list[trimesh.Trimesh]:
-    """Return pieces with a box in place of each that can be one.
-
-    Args:
-        pieces: convex solids that follow a terrain from below.
-        ground: heights of the terrain.
-        config: what a box may change.
-        is_exceeded: asked now and then; once true, the other pieces stay as they are.
-    """
+    """Return pieces with a box in place of each that can be one."""
     boxed = list(pieces)
     for i in range(len(boxed)):
         if is_exceeded():

@@ -50,23 +50,7 @@ def make_contact(
     passes: tuple[Pass, ...] | None = None,
     known_shape: Shape | None = None,
 ) -> Contact:
-    """Make contact geometry of a repaired surface.
-
-    Args:
-        surface: wound so that its faces look at free space.
-        options: what is wanted.
-        accuracy: wanted mean distance between contact and surface [m].
-        progress: called with what is being done and the share done.
-        is_two_sided: which faces were seen from behind, too; None: none.
-        passes: in place of `PASSES` of the kind.
-        known_shape: kind of the surface that this is a part of; None: found on the surface itself.
-
-    Returns:
-        The best that the passes gave. Its notes list them, and hold `accuracy`, `is_reached`, `worst` and `warnings`.
-
-    Raises:
-        ArenaError: no pass gave any geometry.
-    """
+    """Make contact geometry of a repaired surface."""
     deadline = Deadline(options.time_limit)
     problem = ContactProblem(surface, options, accuracy, deadline, progress, is_two_sided, known_shape)
     if options.kind == "hfield":
@@ -77,15 +61,7 @@ def make_contact(
 
 
 def run_passes(problem: ContactProblem, passes: tuple[Pass, ...]) -> Contact:
-    """Return the best candidate, with a note on each pass.
-
-    Args:
-        problem: what is wanted.
-        passes: in order.
-
-    Raises:
-        ArenaError: no pass gave any geometry.
-    """
+    """Return the best candidate, with a note on each pass."""
     best, record = None, []
     for number, make in enumerate(passes):
         if best is not None and problem.deadline.is_over():

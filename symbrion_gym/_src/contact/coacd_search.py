@@ -17,15 +17,7 @@ _logger = logging.getLogger(__name__)
 
 
 def decompose_solid(problem: ContactProblem, solid: trimesh.Trimesh) -> Contact:
-    """Decompose a solid until what is wanted is reached, or finer pieces would be too many.
-
-    Args:
-        problem: what is wanted.
-        solid: closed mesh.
-
-    Raises:
-        ArenaError: coacd crashed, found nothing, or had not ended by the deadline.
-    """
+    """Decompose a solid until what is wanted is reached, or finer pieces would be too many."""
     search, options = problem.config.search, problem.options
     solid = simplify_surface(solid, search.max_faces)
     best: Contact | None = None

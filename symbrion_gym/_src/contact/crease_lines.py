@@ -69,17 +69,7 @@ def fill_labels(mesh: trimesh.Trimesh, labels: Int[np.ndarray, " F"]) -> Int[np.
 def find_crease_lines(
     mesh: trimesh.Trimesh, planes: Planes, steep: float, config: CreaseConfig = CREASE_DEFAULTS
 ) -> Float[np.ndarray, "C 3"]:
-    """Find lines in plan along which the terrain may be cut.
-
-    Args:
-        mesh: open terrain.
-        planes: its planes.
-        steep: planes whose normal rises less than this are walls.
-        config: which lines.
-
-    Returns:
-        Lines (a, b, c) with a x + b y = c and a² + b² = 1.
-    """
+    """Find lines in plan along which the terrain may be cut."""
     labels = fill_labels(mesh, planes.labels)
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
     sides = np.sort(labels[pairs], axis=1)

@@ -13,11 +13,7 @@ class Deadline:
     """
 
     def __init__(self, limit: float) -> None:
-        """Start now.
-
-        Args:
-            limit: [s].
-        """
+        """Start now."""
         self.limit = limit
         self._start = time.perf_counter()
         self._was_asked_too_late = False

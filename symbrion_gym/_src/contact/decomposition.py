@@ -38,16 +38,6 @@ def decompose(
 
     coacd runs in a process of its own: whatever happens to it, the caller lives.
 
-    Args:
-        solid: closed mesh.
-        threshold: concavity left, relative to half the longest extent.
-        seed: seed of coacd's search.
-        time_limit: the process is stopped after this time, by the clock [s]; any number above 0.
-        options: more options of `coacd.run_coacd`.
-
-    Raises:
-        ArenaError: coacd crashed, ran out of time or found nothing.
-
     References:
         Wei, Liu, Ling, Su (2022), Approximate convex decomposition for 3D meshes with collision-aware
         concavity and tree search.

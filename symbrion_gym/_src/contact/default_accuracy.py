@@ -50,11 +50,6 @@ def find_accuracy(
 
     The median distance of readings from the surface gives their noise; spacing is that of the surface's area, so
     that dense readings near the scanner do not stand for those far from it.
-
-    Args:
-        surface: what was made of the readings.
-        points: the readings; None: unknown.
-        config: how it follows.
     """
     finest = min(config.finest, config.extent * float(surface.extents.max()))
     if points is None or len(points) < 2:

@@ -71,12 +71,7 @@ class SurfaceDistance:
     """
 
     def __init__(self, surface: trimesh.Trimesh, config: DistanceConfig = DISTANCE_DEFAULTS) -> None:
-        """Sample the surface.
-
-        Args:
-            surface: wound so that its faces look at free space.
-            config: how it is measured.
-        """
+        """Sample the surface."""
         self.config = config
         self._vertices = np.ascontiguousarray(surface.vertices, dtype=np.float64)
         self._faces = np.ascontiguousarray(surface.faces, dtype=np.int64)
@@ -107,12 +102,7 @@ class SurfaceDistance:
         return Gaps(self.points, gaps, np.where(height > 0, distance, 0.0))
 
     def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
-        """Return the distances from pieces as figures.
-
-        Args:
-            pieces: convex solids.
-            seconds: time that they took [s].
-        """
+        """Return the distances from pieces as figures."""
         return self.summarize(self.find_gaps(pieces), len(pieces), seconds)
 
     def summarize(self, gaps: Gaps, num_pieces: int, seconds: float = 0.0) -> ArenaQuality:

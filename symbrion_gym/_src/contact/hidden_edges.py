@@ -54,13 +54,7 @@ EDGE_DEFAULTS = EdgeConfig()
 def clear_hidden_edges(
     pieces: list[trimesh.Trimesh], ground: Elevation, config: EdgeConfig = EDGE_DEFAULTS
 ) -> list[trimesh.Trimesh]:
-    """Return pieces without those that are hidden, whose hidden ends stop short of crests.
-
-    Args:
-        pieces: convex solids that follow a terrain from below.
-        ground: heights of the terrain.
-        config: how edges are moved.
-    """
+    """Return pieces without those that are hidden, whose hidden ends stop short of crests."""
     kept = _drop_hidden(pieces, ground, config)
     halfspaces = [find_halfspaces(piece) for piece in kept]
     return [_shorten(i, kept, halfspaces, config) for i in range(len(kept))]

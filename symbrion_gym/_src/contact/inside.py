@@ -46,15 +46,8 @@ class ConvexSolids:
     def find_depths_behind(
         self, points: Float[np.ndarray, "N 3"], directions: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, " N"]:
-        """Return how deep points are [m]: the distance of the nearest plane that does not look away from a direction.
-
-        Args:
-            points: [m].
-            directions: unit vectors: where the surface looks; a thin solid is not left through its back.
-
-        Returns:
-            Of the deepest solid; 0 outside of all.
-        """
+        """Return how deep points are [m]: the distance of the nearest plane that does not look away from a
+        direction."""
         found = np.zeros(len(points))
         for members, below, normals in self._find_inside(points):
             is_behind = directions[members] @ normals.T < -_FACING
@@ -92,15 +85,7 @@ class ConvexSolids:
 def find_depths(
     points: Float[np.ndarray, "N 3"], pieces: Sequence[trimesh.Trimesh]
 ) -> Float[np.ndarray, " N"]:
-    """Return how deep points are inside convex pieces [m]: the distance of the nearest plane, of the deepest piece.
-
-    Args:
-        points: any points [m].
-        pieces: convex solids.
-
-    Returns:
-        Above 0 inside, 0 outside of all pieces.
-    """
+    """Return how deep points are inside convex pieces [m]: the distance of the nearest plane, of the deepest piece."""
     return ConvexSolids(pieces).find_depths(points)
 
 

@@ -85,17 +85,7 @@ class HeightField(NamedTuple):
 def make_height_field(
     mesh: trimesh.Trimesh, ground: Elevation, spacing: float = 0.02, max_cells: int = 400_000
 ) -> HeightField:
-    """Sample a terrain on a grid.
-
-    Args:
-        mesh: the terrain.
-        ground: its heights.
-        spacing: spacing of the grid, about [m].
-        max_cells: the grid is wider where it would have more: every model holds a copy of it.
-
-    Raises:
-        ArenaError: nothing of the mesh is seen from above.
-    """
+    """Sample a terrain on a grid."""
     low, high = mesh.bounds[:, :2]
     spacing = max(spacing, float(np.sqrt(np.prod(high - low) / max_cells)))
     columns, rows = (max(int(np.ceil(extent / spacing)) + 1, 2) for extent in high - low)

@@ -35,18 +35,7 @@ def find_offsets(
     normals: Float[np.ndarray, "N 3"],
     contact: Sequence[trimesh.Trimesh] | HeightField,
 ) -> Float[np.ndarray, " N"]:
-    """Return signed distances of points of a surface from contact geometry [m].
-
-    Args:
-        points: points of the surface [m].
-        normals: unit normals of the surface there.
-        contact: convex pieces, or the height field in their place.
-
-    Returns:
-        Above 0 where contact stands in front of the surface: the point is inside a piece, or the nearest contact lies
-        on the side of the normal, within 60 degrees. Below 0 where it lies behind or beside. -inf where there is no
-        contact at all.
-    """
+    """Return signed distances of points of a surface from contact geometry [m]."""
     meshes = [contact.as_mesh()] if isinstance(contact, HeightField) else contact
     if not len(meshes) or not len(points):
         return np.full(len(points), -np.inf)

@@ -86,14 +86,7 @@ def join_faces(
     tolerance: float,
     config: PatchConfig = PATCH_DEFAULTS,
 ) -> list[Int[np.ndarray, " M"]]:
-    """Return the faces of each convex patch.
-
-    Args:
-        mesh: manifold, consistently wound.
-        depths: how thick the solid behind each vertex is [m].
-        tolerance: how far the convex hull of a patch may stand in front of it, or beside it [m].
-        config: how they are joined.
-    """
+    """Return the faces of each convex patch."""
     patches = _make_patches(mesh, depths)
     order = _order_edges(mesh)
     owner = np.arange(len(mesh.faces))

@@ -30,14 +30,8 @@ SNAP_DEFAULTS = SnapConfig()
 def snap_to_planes(
     mesh: trimesh.Trimesh, planes: Planes, tolerance: float, config: SnapConfig = SNAP_DEFAULTS
 ) -> trimesh.Trimesh:
-    """Return a mesh whose vertices lie on the planes of their faces: on one plane, its line with another, or a corner.
-
-    Args:
-        mesh: whose faces have the labels of the planes.
-        planes: found in this mesh.
-        tolerance: how far faces may lie from their plane [m].
-        config: how far vertices move.
-    """
+    """Return a mesh whose vertices lie on the planes of their faces: on one plane, its line with another, or
+    a corner."""
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     vertex, label = _pair_vertices(np.asarray(mesh.faces), planes.labels)
     if not len(vertex):

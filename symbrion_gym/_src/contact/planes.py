@@ -108,18 +108,7 @@ def find_planes(
     is_exceeded: Callable[[], bool] = never,
     config: PlaneConfig = PLANE_DEFAULTS,
 ) -> Planes:
-    """Find the planes that a mesh is made of.
-
-    Args:
-        mesh: consistently wound.
-        tolerance: faces this close to a plane may be on it [m]; widened to three times the noise.
-        min_area: smallest area of a plane [m²]; that of `config` unless given.
-        is_exceeded: asked now and then; once true, no more planes are looked for.
-        config: how they are found.
-
-    Raises:
-        ArenaError: the mesh has no face with an area.
-    """
+    """Find the planes that a mesh is made of."""
     surface = _FaceSurface(mesh, config)
     roughness, smooth_normals, smooth_offsets = surface.smooth()
     noise = float(np.median(roughness))

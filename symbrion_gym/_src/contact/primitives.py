@@ -55,15 +55,7 @@ def make_boxes(
     accuracy: float,
     config: PrimitiveConfig = PRIMITIVE_DEFAULTS,
 ) -> list[trimesh.Trimesh]:
-    """Return boxes beneath the planes that fill a rectangle.
-
-    Args:
-        mesh: open terrain.
-        ground: its heights.
-        planes: its planes.
-        accuracy: distance between contact and ground that is good enough [m].
-        config: which planes.
-    """
+    """Return boxes beneath the planes that fill a rectangle."""
     boxes = []
     for k in np.flatnonzero(planes.normals[:, 2] >= config.min_rise):
         members = planes.labels == k

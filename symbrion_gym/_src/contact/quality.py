@@ -73,11 +73,7 @@ class ArenaQuality:
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> ArenaQuality:
-        """Return what `as_dict` was made of.
-
-        Raises:
-            ArenaError: a field is missing, unknown, of another type or out of range.
-        """
+        """Return what `as_dict` was made of."""
         known = {name: np.inf if value is None else value for name, value in fields.items()}
         try:
             return as_type(known, cls, "quality")
@@ -93,15 +89,7 @@ class ArenaQuality:
         seconds: float,
         protrusions: Float[np.ndarray, " M"] | None = None,
     ) -> ArenaQuality:
-        """Summarize signed distances of contact from the surface [m], above 0 where contact stands in front of it.
-
-        Args:
-            gaps: of points on the surface.
-            uncovered: share of them without contact nearby.
-            num_pieces: number of contact pieces.
-            seconds: time that they took [s].
-            protrusions: of points on contact: how far they stand in front of the surface [m].
-        """
+        """Summarize signed distances of contact from the surface [m], above 0 where contact stands in front of it."""
         if not len(gaps) or not np.isfinite(gaps).all():
             return cls(np.inf, np.inf, np.inf, num_pieces, np.inf, 1.0, seconds)
         distances = np.abs(gaps)

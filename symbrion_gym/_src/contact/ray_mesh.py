@@ -19,11 +19,7 @@ class RayMesh:
     """Casts rays on the triangles of meshes, from both sides; the first triangle along a ray counts."""
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh]) -> None:
-        """Build the tree.
-
-        Args:
-            meshes: any triangles; none at all are hit by no ray.
-        """
+        """Build the tree."""
         self._middle = np.zeros(3)
         self._model: mujoco.MjModel | None = None
         ends = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -58,12 +54,7 @@ class RayMesh:
     def cast(
         self, origins: Float[np.ndarray, "R 3"], directions: Float[np.ndarray, "R 3"]
     ) -> Float[np.ndarray, " R"]:
-        """Return the distance of the first triangle along each ray [m]; inf where there is none.
-
-        Args:
-            origins: where the rays begin [m]; rays that share one are cast together.
-            directions: unit vectors.
-        """
+        """Return the distance of the first triangle along each ray [m]; inf where there is none."""
         distances = np.full(len(origins), np.inf)
         if self._model is None or not len(origins):
             return distances
@@ -80,13 +71,7 @@ class RayMesh:
         directions: Float[np.ndarray, "R 3"],
         counts: Int[np.ndarray, " F"],
     ) -> Float[np.ndarray, " R"]:
-        """Return the distance of the first triangle along each ray of fans [m]; inf where there is none.
-
-        Args:
-            origins: where the rays of each fan begin [m].
-            directions: unit vectors, fan after fan.
-            counts: number of rays of each fan.
-        """
+        """Return the distance of the first triangle along each ray of fans [m]; inf where there is none."""
         count = len(directions)
         if self._model is None or not count:
             return np.full(count, np.inf)

@@ -64,14 +64,7 @@ def mend_pieces(
     is_exceeded: Callable[[], bool] = never,
     config: SeamConfig = SEAM_DEFAULTS,
 ) -> list[trimesh.Trimesh]:
-    """Return pieces whose union is the same ground, with closed seams, overlap and fewer corners.
-
-    Args:
-        pieces: convex solids that follow a terrain from below.
-        ground: heights of the terrain.
-        is_exceeded: asked now and then; once true, the other pieces stay as they are.
-        config: how they are mended.
-    """
+    """Return pieces whose union is the same ground, with closed seams, overlap and fewer corners."""
     mended = list(pieces)
     for change in (_cap, _widen, _simplify):
         for i in range(len(mended)):

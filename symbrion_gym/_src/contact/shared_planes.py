@@ -39,12 +39,6 @@ def share_planes(
     """Return planes with equal normals and offsets where one plane serves several regions; labels stay.
 
     The closest two groups of regions are joined first, while the common plane serves all regions of both.
-
-    Args:
-        mesh: whose faces have the labels of the planes.
-        planes: few, as all are compared with all.
-        tolerance: distance that does not matter [m].
-        config: which regions share.
     """
     if not len(planes.normals):
         return planes

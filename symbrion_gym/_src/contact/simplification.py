@@ -60,16 +60,7 @@ def find_simple(
     config: SimplificationConfig = SIMPLIFICATION_DEFAULTS,
     is_exact: bool = False,
 ) -> int:
-    """Return the index in `list_counts` of the fewest triangles that follow the samples closely enough.
-
-    Args:
-        surface: manifold.
-        distance: samples of the exact surface.
-        accuracy: mean distance of contact that is aimed at [m].
-        acceptance: other wanted figures.
-        config: how far it is simplified.
-        is_exact: whether no place may be far off: the surface has no noise.
-    """
+    """Return the index in `list_counts` of the fewest triangles that follow the samples closely enough."""
     worst = config.worst * accuracy if is_exact else float("inf")
     counts = list_counts(len(surface.faces), config)
     low, high = 0, len(counts) - 1

@@ -80,11 +80,7 @@ def find_heading(planes: Planes, areas: Float[np.ndarray, " F"]) -> float:
 def unite_slabs(
     slabs: list[trimesh.Trimesh], heading: float = 0.0, overlap: float = UNION_DEFAULTS.overlap
 ) -> trimesh.Trimesh:
-    """Return the union of slabs, turned about z so that `heading` [rad] lies along x.
-
-    Raises:
-        ArenaError: there is none, or it is not closed.
-    """
+    """Return the union of slabs, turned about z so that `heading` [rad] lies along x."""
     if not slabs:
         raise ArenaError("there are no slabs to unite")
     turn = trimesh.transformations.rotation_matrix(-heading, [0.0, 0.0, 1.0])
@@ -111,19 +107,7 @@ def decompose_slabs(
     time_limit: float,
     config: UnionConfig = UNION_DEFAULTS,
 ) -> list[trimesh.Trimesh]:
-    """Unite slabs into one solid and decompose it by coacd, whose cuts run along the walls.
-
-    Args:
-        slabs: convex solids.
-        planes: those of the surface that the slabs follow.
-        areas: areas of the faces of that surface [m²].
-        seed: seed of coacd's search.
-        time_limit: coacd is stopped after this time [s].
-        config: how they are united and decomposed.
-
-    Raises:
-        ArenaError: the union is not closed, or coacd crashed, ran out of time or found nothing.
-    """
+    """Unite slabs into one solid and decompose it by coacd, whose cuts run along the walls."""
     heading = find_heading(planes, areas)
     solid = unite_slabs(slabs, heading, config.overlap)
     pieces = decompose(
@@ -146,14 +130,6 @@ def restore_planes(
 
     coacd decides what is one piece; its hulls bulge by the threshold, several millimeters on ground of some meters, and
     end where solids touch. A piece on which nothing rests stays as it is.
-
-    Args:
-        pieces: convex solids that follow the slabs.
-        slabs: what they were made of.
-        config: how far ground may move.
-
-    Raises:
-        ArenaError: planes on top of a piece would lift ground, or take some away.
     """
     halfspaces = np.concatenate([find_halfspaces(slab) for slab in slabs])
     tops = np.unique(np.round(halfspaces[halfspaces[:, 2] > STEEP], _DIGITS), axis=0)

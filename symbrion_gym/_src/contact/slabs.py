@@ -172,18 +172,7 @@ def make_slabs(
     is_exceeded: Callable[[], bool] = never,
     config: SlabConfig = SLAB_DEFAULTS,
 ) -> tuple[list[Slab], list[trimesh.Trimesh]]:
-    """Return convex slabs, and solids, whose union has the terrain as its top; none where there are no planes.
-
-    Args:
-        mesh: open terrain, normals up.
-        elevation: its heights.
-        planes: what `find_planes` found in it.
-        accuracy: distance between cap and ground that is good enough [m].
-        max_pieces: no more than these.
-        thickness: how far the solids reach below the lowest ground [m].
-        is_exceeded: asked now and then; once true, cutting and joining end where they are.
-        config: how it is cut.
-    """
+    """Return convex slabs, and solids, whose union has the terrain as its top; none where there are no planes."""
     if not len(planes.normals):
         return [], []
     ground = make_ground(mesh, elevation, planes, config.num_points)

@@ -53,11 +53,6 @@ def find_shape(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig 
     """Tell a terrain (seen whole from above) from an open surface with overhangs and from a closed body.
 
     A closed body that is a terrain with a flat underside counts as terrain.
-
-    Args:
-        mesh: consistently wound.
-        elevation: its heights.
-        config: what counts as what.
     """
     areas, rises = mesh.area_faces, mesh.face_normals[:, 2]
     if float(areas @ np.abs(rises)) < config.min_ground * float(areas.sum()):
@@ -79,12 +74,7 @@ def take_top(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> tri
 
 
 def close_downwards(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
-    """Return a solid: the surface, walls down from its boundary loops, and a copy of it below, flat.
-
-    Args:
-        mesh: open terrain, normals up.
-        thickness: how far the underside lies below the lowest point [m].
-    """
+    """Return a solid: the surface, walls down from its boundary loops, and a copy of it below, flat."""
     bottom = float(mesh.vertices[:, 2].min()) - thickness
     below = np.array(mesh.vertices)
     below[:, 2] = bottom
@@ -97,12 +87,7 @@ def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
 
 
 def close_holes(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
-    """Return the mesh with a fan in every hole, if the holes are small against the mesh.
-
-    Args:
-        mesh: a body with holes where it was not seen.
-        config: which holes are small.
-    """
+    """Return the mesh with a fan in every hole, if the holes are small against the mesh."""
     rim = find_rim(mesh)
     if not len(rim):
         return mesh

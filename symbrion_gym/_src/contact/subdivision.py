@@ -63,12 +63,7 @@ def split_long_edges(
 
 
 def _cut_faces(faces: Int[np.ndarray, "F 3"], middles: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "G 3"]:
-    """Cut faces at the middles of their edges.
-
-    Args:
-        faces: corners.
-        middles: vertex in the middle of the edges 01, 12 and 20; -1 where the edge stays whole.
-    """
+    """Cut faces at the middles of their edges."""
     count = (middles >= 0).sum(axis=1)
     # The whole edge of two, or the cut edge of one, goes to a known place.
     first = np.where(count == 1, np.argmax(middles >= 0, axis=1), np.argmin(middles >= 0, axis=1))

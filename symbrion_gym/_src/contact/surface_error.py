@@ -29,15 +29,7 @@ class TerrainErrorMetric:
         spacing: float = 0.01,
         margin: float = 0.02,
     ) -> None:
-        """Measure the heights of the surface.
-
-        Args:
-            surface: as for `measure_arena`, like the others.
-            ground: its heights.
-            region: where to look.
-            spacing: spacing of the grid [m].
-            margin: around walls [m].
-        """
+        """Measure the heights of the surface."""
         low, high = (region or surface).bounds[:, :2]
         spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
         grid = sample_cells(low, high, spacing)
@@ -66,16 +58,7 @@ def measure_arena(
     margin: float = 0.02,
     seconds: float = 0.0,
 ) -> ArenaQuality:
-    """Compare the top of the pieces with a surface along vertical lines.
-
-    Args:
-        pieces: contact pieces.
-        surface: what they should be: the mesh they were made of, or the truth.
-        region: a mesh that bounds where to look, if not the whole surface.
-        spacing: spacing of the grid; wider where the surface is large (at most 400,000 lines) [m].
-        margin: distance around walls (a rise of more than 2 per 1) that is left out [m].
-        seconds: to be noted in the result.
-    """
+    """Compare the top of the pieces with a surface along vertical lines."""
     metric = TerrainErrorMetric(surface, Elevation(surface), region=region, spacing=spacing, margin=margin)
     return metric.measure(pieces, seconds)
 

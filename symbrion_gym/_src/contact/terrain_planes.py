@@ -52,13 +52,6 @@ def find_few_planes(
     """Return the finest planes that are few enough, or about as few as coarser ones, and their tolerance [m].
 
     Regions that lie apart on one plane share it.
-
-    Args:
-        top: open terrain, normals up.
-        accuracy: wanted distance between contact and ground [m].
-        config: how many are few.
-        plane_config: how planes are found.
-        is_exceeded: once true, no more planes are looked for.
     """
     found: list[tuple[Planes, float]] = []
     for scale in config.scales:

@@ -60,13 +60,7 @@ def find_thickness(
     find_limits: Callable[[Float[np.ndarray, "N 3"]], Float[np.ndarray, " N"]] | None = None,
     config: ThicknessConfig = THICKNESS_DEFAULTS,
 ) -> Float[np.ndarray, " V"]:
-    """Return how thick the solid behind each vertex may be: up to the other side of a thin wall [m].
-
-    Args:
-        mesh: what is thickened, wound so that its faces look at free space.
-        find_limits: how thick the solid behind places on the mesh may be, for other reasons [m].
-        config: how thick solids are.
-    """
+    """Return how thick the solid behind each vertex may be: up to the other side of a thin wall [m]."""
     corners = np.asarray(mesh.triangles)
     normals = np.asarray(mesh.face_normals)
     vertex_normals = np.asarray(mesh.vertex_normals)

@@ -105,22 +105,7 @@ def measure_visibility(
     surface: trimesh.Trimesh,
     config: VisibilityConfig | None = None,
 ) -> Visibility | None:
-    """Compare an arena with the beams of its scan; equal arguments give equal shares.
-
-    Args:
-        points: readings [m].
-        viewpoints: places of the scanner [m].
-        seen_from: index of each reading's viewpoint; None: the nearest one from which the surface does not hide it.
-        contact: convex pieces, or the height field in their place.
-        surface: what the contact stands for.
-        config: what counts as free and as an end.
-
-    Returns:
-        None where there is no beam: no readings, no viewpoint, or all readings too near.
-
-    Raises:
-        ArenaError: `seen_from` does not go with the points or the viewpoints.
-    """
+    """Compare an arena with the beams of its scan; equal arguments give equal shares."""
     config = config or VisibilityConfig()
     on_surface = RayMesh([surface])
     beams = find_beams(points, viewpoints, seen_from, on_surface, config)
@@ -161,18 +146,7 @@ def find_beams(
     surface: RayMesh,
     config: VisibilityConfig,
 ) -> Beams:
-    """Return the beams of at most `max_beams` readings.
-
-    Args:
-        points: readings [m].
-        viewpoints: places of the scanner [m].
-        seen_from: index of each reading's viewpoint, where known.
-        surface: hides readings from viewpoints.
-        config: number of beams, shortest range.
-
-    Raises:
-        ArenaError: `seen_from` does not go with the points or the viewpoints.
-    """
+    """Return the beams of at most `max_beams` readings."""
     viewpoints = np.asarray(viewpoints, dtype=np.float64).reshape(-1, 3)
     if seen_from is not None:
         _check_indices(seen_from, len(points), len(viewpoints))

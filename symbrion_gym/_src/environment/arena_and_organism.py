@@ -26,11 +26,7 @@ _RESIZABLE = ("truth", "simple", *SCANNED_PITS)
 
 
 def find_arena(config: EnvironmentConfig) -> Arena:
-    """Return the arena of the options; `pit` resizes the arenas made in code.
-
-    Raises:
-        ArenaError: there is no such arena, or its pit cannot be resized.
-    """
+    """Return the arena of the options; `pit` resizes the arenas made in code."""
     arena = config.arena
     if isinstance(arena, Arena):
         if config.pit is not None and getattr(arena.course, "pit", None) != config.pit:
@@ -89,16 +85,7 @@ def _log_progress(message: str, fraction: float) -> None:
 
 
 def find_organism(config: EnvironmentConfig, friction: float) -> Organism:
-    """Return the organism of the options, with the constants of its modules that they name.
-
-    Args:
-        config: the options.
-        friction: sliding friction of the arena, which holds unless options or organism say otherwise.
-
-    Raises:
-        OrganismError: there is no such organism, or it cannot be.
-        OptionError: an option contradicts the organism.
-    """
+    """Return the organism of the options, with the constants of its modules that they name."""
     if isinstance(config.modules, str | Path):
         raise OrganismError(
             f"modules must be a number or an Organism, got {config.modules!r}; names go to organism"

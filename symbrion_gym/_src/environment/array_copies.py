@@ -11,12 +11,7 @@ _PACKAGE = __name__.partition(".")[0]
 
 
 def link_views(source: object, memo: dict[int, Any]) -> None:
-    """Let a deep copy keep views what they are: arrays that share memory in the source share it in the copy as well.
-
-    Args:
-        source: object that is about to be copied.
-        memo: that of `copy.deepcopy`; the copies of arrays are entered here.
-    """
+    """Let a deep copy keep views what they are: arrays that share memory in the source share it in the copy as well."""
     seen: set[int] = set()
     waiting: list[Any] = [source]
     while waiting:

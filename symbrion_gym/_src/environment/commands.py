@@ -44,13 +44,7 @@ class Commands:
         self._turn = np.zeros((num, hinges))
 
     def begin(self, row: int, hinges: Float[np.ndarray, " h"], track_speed: float) -> None:
-        """Start an episode in one simulation: the hinges are held as they are and the tracks run forward.
-
-        Args:
-            row: index of the simulation.
-            hinges: present angles of the hinges [rad].
-            track_speed: speed of the tracks at an action of 1 [m/s].
-        """
+        """Start an episode in one simulation: the hinges are held as they are and the tracks run forward."""
         self.target[row] = hinges
         self.action[row, : self._num_hinges] = np.clip(self.target[row] / self._range[row], -1.0, 1.0)
         self.action[row, self._num_hinges :] = 1.0
@@ -62,17 +56,6 @@ class Commands:
         """Take actions: move the servos' targets at their speed.
 
         Values are clipped to ±1.
-
-        Args:
-            actions: actions of all simulations.
-            active: whether each simulation is stepped; None for all.
-
-        Returns:
-            Targets [rad] and track speeds [m/s]: one per simulation, one per module, or with "skid" the left and the
-            right one of each module.
-
-        Raises:
-            OptionError: a number is NaN or infinite.
         """
         used = self.action
         if not isfinite(np.vdot(actions, actions)):

@@ -216,10 +216,6 @@ class EnvironmentConfig:
     def from_options(cls, options: Mapping[str, Any]) -> EnvironmentConfig:
         """Return the configuration of keyword arguments: fields, parameters of a named task, and `default_organism`,
         the body that a registered id sets where neither `modules` nor `organism` is given.
-
-        Raises:
-            OptionError: an option that does not exist, is given under two names, or is out of range.
-            OrganismError: an impossible number of modules.
         """
         given = dict(options)
         usual_body = given.pop("default_organism", None)
@@ -258,12 +254,7 @@ class EnvironmentConfig:
         return self.default_ends
 
     def find_task(self) -> Task:
-        """Return the task, with the parameters that are given.
-
-        Raises:
-            TaskError: there is no such task.
-            OptionError: it has no such parameter.
-        """
+        """Return the task, with the parameters that are given."""
         from symbrion_gym._src.tasks.catalog import choose_task
 
         start, goal = self.find_ends()

@@ -70,12 +70,7 @@ class DeadReckoning:
         return self._number
 
     def begin(self, rows: Sequence[int], scenes: Sequence[Scene]) -> None:
-        """Start episodes in some simulations, at the start on the map.
-
-        Args:
-            rows: which simulations.
-            scenes: arena and way of each of them.
-        """
+        """Start episodes in some simulations, at the start on the map."""
         for row, scene in zip(rows, scenes, strict=True):
             route = scene.map_route
             self._pose[row] = *route.place(route.start), route.heading
@@ -126,12 +121,7 @@ class DeadReckoning:
 
 
 def list_places(goal: Any, scene: Scene) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
-    """Return the places to head for in turn on the map, and how near each is passed [m]; the last one never is.
-
-    Args:
-        goal: goal of the task.
-        scene: arena and way.
-    """
+    """Return the places to head for in turn on the map, and how near each is passed [m]; the last one never is."""
     route = scene.map_route
     if not isinstance(goal, ReachPlaces):
         return np.array([route.place(min(route.finish, route.start + FAR))]), np.full(1, -1.0)
@@ -152,9 +142,6 @@ def find_motion(
     """Return what each track of a straight body adds to the motion of its head: ahead, left, and turn [rad/m].
 
     Tracks are those of module after module, the left before the right. Each touches level ground with its two ends.
-
-    Args:
-        organism: the body.
     """
     lowest = find_driven_wheels(organism.scout)
     bottom = min(z for _, _, z in lowest)

@@ -154,12 +154,7 @@ class Episodes:
             self._head = self.state.along[:, 0]
 
     def begin(self, physics: Physics, starts: Sequence[Start]) -> None:
-        """Start episodes from the present physics.
-
-        Args:
-            physics: state of all simulations.
-            starts: which simulations begin, and what differs between them.
-        """
+        """Start episodes from the present physics."""
         self._view(physics)
         state, rows = self.state, [start.row for start in starts]
         for row, speed, _ in starts:
@@ -230,12 +225,7 @@ class Episodes:
         self._has_driven[:] = False
 
     def finish_tick(self, physics: Physics, active: Bool[np.ndarray, " N"] | None = None) -> Ticks:
-        """Return how the control step ended whose physics has just been stepped, and its rewards.
-
-        Args:
-            physics: state of all simulations.
-            active: whether a simulation is one of those that were stepped; None for all.
-        """
+        """Return how the control step ended whose physics has just been stepped, and its rewards."""
         if physics is not self._viewed or not self._is_live:
             self._view(physics)
         rates, qvel = self._rates, physics.qvel

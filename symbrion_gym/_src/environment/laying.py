@@ -63,14 +63,7 @@ class GroundPlacement:
         self.is_snake = organism == snake(organism.num_modules, organism.scout)
 
     def lay(self, head: PlanarPose) -> LaidPose:
-        """Return the organism with module 0 at a place: a snake bent as the ground is, others flat above it.
-
-        Args:
-            head: place and heading of module 0.
-
-        Raises:
-            ArenaError: the place lies off the surface.
-        """
+        """Return the organism with module 0 at a place: a snake bent as the ground is, others flat above it."""
         if self.is_snake:
             height, pitch, hinges = self._follow_line(head)
         else:

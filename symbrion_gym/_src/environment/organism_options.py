@@ -18,14 +18,7 @@ _DEFAULTS = {entry.name: entry.default for entry in fields(ScoutConfig)}
 
 
 def check_organism_options(given: Mapping[str, Any]) -> None:
-    """Refuse options that contradict each other.
-
-    Args:
-        given: the options that were given, by name.
-
-    Raises:
-        OptionError: both `modules` and `organism`, or a constant of the modules that the organism has otherwise.
-    """
+    """Refuse options that contradict each other."""
     if given.get("modules") is not None and given.get("organism") is not None:
         raise OptionError("the options 'modules' and 'organism' both name the body; give one of them")
     for body in (given.get("modules"), given.get("organism")):
@@ -35,11 +28,7 @@ def check_organism_options(given: Mapping[str, Any]) -> None:
 
 
 def apply_options(organism: Organism, wanted: Mapping[str, Any]) -> Organism:
-    """Return an organism whose modules have the constants that options name.
-
-    Raises:
-        OptionError: the organism has a value of its own, which differs from its default and from the option.
-    """
+    """Return an organism whose modules have the constants that options name."""
     scout = organism.scout
     for name, value in wanted.items():
         own = getattr(scout, name)

@@ -126,15 +126,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Lay the organisms down at their starts.
-
-        Args:
-            seed: environment i gets `seed + i`, or `seed[i]`.
-            options: see the class; `reset_mask`, `[num_envs]` of truth values, resets only some.
-
-        Raises:
-            OptionError: an unknown option, or not one value for each simulation.
-        """
+        """Lay the organisms down at their starts."""
         options = dict(options or {})
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
         if mask.shape != (self.num_envs,):
@@ -211,11 +203,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Move the targets of the hinges and let a tick pass in every simulation that is not done.
-
-        Raises:
-            OptionError: actions of another shape.
-        """
+        """Move the targets of the hinges and let a tick pass in every simulation that is not done."""
         actions = np.asarray(actions, dtype=np.float64)
         if actions.shape != self.action_space.shape:
             raise OptionError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
@@ -287,11 +275,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return self._episodes.read_records(row)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """Return an attribute of every sub-environment: its own `domain` and `np_random`, all else is shared.
-
-        Raises:
-            AttributeError: there is none of this name.
-        """
+        """Return an attribute of every sub-environment: its own `domain` and `np_random`, all else is shared."""
         own = {"domain": self._domains, "np_random": self._rngs, "unwrapped": [self] * self.num_envs}
         if name in own:
             return tuple(own[name])
@@ -302,9 +286,6 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Call a method, or read an attribute, of every sub-environment.
 
         `read_records` answers for each; what all share is called once.
-
-        Raises:
-            AttributeError: there is none of this name.
         """
         if name == "render":
             return self.render() or (None,) * self.num_envs
@@ -314,15 +295,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return (found[0](*args, **kwargs),) * self.num_envs if callable(found[0]) else found
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute: of every sub-environment its `np_random`, all else for all of them together.
-
-        Args:
-            name: name of the attribute.
-            values: one value for all, or a list or tuple with one for each.
-
-        Raises:
-            OptionError: not one value for each, or different ones for what all share.
-        """
+        """Set an attribute: of every sub-environment its `np_random`, all else for all of them together."""
         each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
         if len(each) != self.num_envs:
             raise OptionError(f"{name}: {len(each)} values for {self.num_envs} environments; give one each")

@@ -60,17 +60,7 @@ def draw_domain(
     *,
     has_patches: bool = True,
 ) -> Domain:
-    """Return the circumstances of one episode.
-
-    Args:
-        nominal: value of everything that is not asked for.
-        options: name -> a number, or a pair (low, high) to draw from uniformly.
-        rng: drawn from once per range, in the order of `Domain`.
-        has_patches: whether the arena has friction patches.
-
-    Raises:
-        OptionError: an unknown name, a value out of range, or `patch_friction` other than 0 without friction patches.
-    """
+    """Return the circumstances of one episode."""
     options = options or {}
     for name in options:
         if name not in RANDOM_OPTIONS:
@@ -107,9 +97,6 @@ def split_options(options: Mapping[str, Any] | None, num: int) -> list[dict[str,
     """Return the reset options of each of `num` simulations.
 
     An array or list with `num` entries gives each its own; a tuple (low, high) and a number go to all.
-
-    Raises:
-        OptionError: an array of another length.
     """
     split: list[dict[str, Any]] = [{} for _ in range(num)]
     for name, value in (options or {}).items():

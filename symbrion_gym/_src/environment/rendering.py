@@ -98,19 +98,7 @@ class SceneRenderer:
         config: CameraConfig | None = None,
         quality: ArenaQuality | None = None,
     ) -> None:
-        """Prepare; windows and graphics contexts are made at the first image.
-
-        Args:
-            model: what is drawn.
-            data: its state.
-            width: width of an image [pixel].
-            height: height of an image [pixel].
-            length: length of the organism [m]; sets how far away the camera stays.
-            heading: heading of the route [rad]; the camera stands to its right.
-            config: configuration of the camera; None for the defaults.
-            quality: quality of the arena: its contact is drawn, translucent, where it differs visibly from the
-                surface; None never draws it.
-        """
+        """Prepare; windows and graphics contexts are made at the first image."""
         config = config or CameraConfig()
         self._lag = config.lag
         model.vis.map.znear = min(model.vis.map.znear, config.nearest / max(model.stat.extent, 1e-6))

@@ -100,12 +100,7 @@ class Settler:
         self._limit = np.minimum(self._model.jnt_range[joint, 1], _DANGLING)
 
     def settle(self, qpos: Float[np.ndarray, " nq"], gap: float) -> Float[np.ndarray, " nq"]:
-        """Return the pose of rest below a pose above the ground.
-
-        Args:
-            qpos: where the body begins; it is lifted until it is clear of the ground.
-            gap: distance that it keeps from the ground [m].
-        """
+        """Return the pose of rest below a pose above the ground."""
         above = qpos.copy()
         above[2] += self._linearize(qpos).find_overlap(gap)
         rough = self._lower(above, gap, _ROUGHLY)
@@ -212,13 +207,7 @@ def _join(
 
 
 def find_depth(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> float:
-    """Return how deep a pose reaches into the ground, or into itself [m].
-
-    Args:
-        model: the model.
-        data: overwritten.
-        qpos: the pose.
-    """
+    """Return how deep a pose reaches into the ground, or into itself [m]."""
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)

@@ -63,12 +63,6 @@ class Sight:
 
         A view is free that shows at least half of the points. Where none does, it is the one that shows most of them;
         where none shows any, the camera comes as near as it must.
-
-        Args:
-            target: what the camera looks at [m].
-            wanted: the view to have.
-            current: the view before, kept while it is free, so that a film does not jump; None for none.
-            points: what is to be seen [m]; None for the target. The middle of a bent body may lie in the ground.
         """
         seen = target[None] if points is None else points
         views = [

@@ -17,12 +17,6 @@ def tumble(scene: Scene, qpos: Float[np.ndarray, " nq"], yaw: float, roll: float
     """Return qpos of an organism that is turned about the axis of its head, its hinges straight.
 
     It is as low as it can be with all corners of its modules above the ground, as a body that fell over.
-
-    Args:
-        scene: arena and organism.
-        qpos: the organism at rest.
-        yaw: its heading [rad].
-        roll: angle by which it is turned [rad].
     """
     turned = qpos.copy()
     turned[7:] = 0.0

@@ -164,10 +164,6 @@ class World:
         """Return the friction of the pieces in patches.
 
         Rubber that holds better holds better everywhere: patches keep their ratio to the friction of the ground.
-
-        Args:
-            friction: sliding friction of the robot on the ground.
-            place: in the intervals of the patches: 0 in the middle, ±1 at the ends.
         """
         middle, half_width = self._patches
         ratio = friction / self.arena.friction
@@ -184,11 +180,7 @@ class World:
         return len(self.hinge_qpos)
 
     def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
-        """Return the physics behind named fields `[N, ...]`, as views where modules follow each other.
-
-        Args:
-            fields: from the name of a field of `MjData` to its values in every simulation.
-        """
+        """Return the physics behind named fields `[N, ...]`, as views where modules follow each other."""
         places = ("site_xpos", "site_xmat") if self.is_by_site else ("xpos", "xmat")
         position, rotation = (fields(name)[:, self.modules] for name in places)
         qpos, qvel, sensordata, force = map(fields, ("qpos", "qvel", "sensordata", "actuator_force"))
@@ -200,13 +192,7 @@ class World:
         target: Float[np.ndarray, "N h"],
         track_speed: Float[np.ndarray, "N tracks"],
     ) -> None:
-        """Write the servos' controls.
-
-        Args:
-            control: written in place.
-            target: target of the hinges [rad].
-            track_speed: one per simulation, per module or per side [m/s]; only wheels with joints read it here.
-        """
+        """Write the servos' controls."""
         control[:, self._servos] = target
         if len(self.wheel_servos):
             rate = self._spread_speed(track_speed) / self.wheel_radius
@@ -215,12 +201,7 @@ class World:
     def write_track_speed(
         self, field: Float[np.ndarray, "N ngeom 6"], track_speed: Float[np.ndarray, "N tracks"]
     ) -> None:
-        """Write the surface velocity of sphere tracks.
-
-        Args:
-            field: values of `geom_surfacevel`, written in place.
-            track_speed: one per simulation, per module or per side [m/s].
-        """
+        """Write the surface velocity of sphere tracks."""
         if not len(self.wheel_servos):
             field[:, self.track_geoms, 4] = self._spread_speed(track_speed) / self.wheel_radius
 
@@ -235,17 +216,7 @@ class World:
     def lay_down(
         self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0, roll: float = 0.0
     ) -> Float[np.ndarray, " nq"]:
-        """Return qpos of an organism at rest on the ground at the start, bent as the ground is.
-
-        Args:
-            offset: the start moved along the route [m].
-            lateral: displacement of the start to its left [m].
-            yaw: the organism turned about its head [rad].
-            roll: the organism turned about the axis of its head, hinges straight, as after a tumble [rad].
-
-        Raises:
-            ArenaError: the start lies off the surface.
-        """
+        """Return qpos of an organism at rest on the ground at the start, bent as the ground is."""
         route = self.route
         x, y = (float(v) for v in route.place(route.start + offset, lateral))
         laid = self._placement.lay(PlanarPose(x, y, route.heading + yaw))

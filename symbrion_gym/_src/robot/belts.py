@@ -120,15 +120,6 @@ class Tracks:
 
         Belts have no control in MuJoCo: `model.geom_surfacevel` is written, also where several simulations share the
         model. Wheels are driven by `data.ctrl`, which this writes.
-
-        Args:
-            model: contains the tracks.
-            data: a state of it.
-            left: speed of the left belt against its body, positive ahead [m/s].
-            right: likewise of the right belt.
-
-        Raises:
-            OrganismError: the model does not contain the tracks, or a speed is not finite.
         """
         for side, speed in zip(SIDES, (left, right), strict=True):
             if not isfinite(speed):
@@ -148,11 +139,6 @@ class Tracks:
         Two tracks alone: `find_turning_rate`, with equal loads at the ends of the belts. With more tracks before or
         behind, loads are as MuJoCo's contacts share the weight (`find_sliding_rate`): nearly all of it at the outermost
         ends, where belts slide fastest, so that the robot turns several times slower than on two of them.
-
-        Args:
-            left: speed of the left belts [m/s].
-            right: speed of the right belts [m/s].
-            others: further tracks of the same robot, at the same speeds, its center of mass in the middle of them all.
         """
         config = self.config
         if not others:

@@ -211,11 +211,7 @@ def cross(arm_length: int = 2, scout: ScoutConfig | None = None) -> Organism:
 
 
 def letter_h(spine: int = 3, scout: ScoutConfig | None = None) -> Organism:
-    """Return a spine of `spine` modules with a leg to either side at both ends.
-
-    Raises:
-        OrganismError: a spine of fewer than two modules, whose legs would lie on each other.
-    """
+    """Return a spine of `spine` modules with a leg to either side at both ends."""
     if spine < 2:
         raise OrganismError(f"the spine of an H needs at least 2 modules, got {spine}")
     dockings = [Docking(i, "front", i - 1, "back") for i in range(1, spine)]

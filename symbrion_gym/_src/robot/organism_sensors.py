@@ -12,14 +12,7 @@ MEASURED = ("acceleration", "ir", "contact", "dock_force", "laser")
 
 
 def add_sensors(spec: mujoco.MjSpec, organism: Organism, parts: tuple[str, ...], interval: float) -> None:
-    """Add MuJoCo's sensors for the wanted parts of the observation, part by part in their order.
-
-    Args:
-        spec: a model with the organism in it.
-        organism: who senses.
-        parts: names of `MEASURED`; others are skipped.
-        interval: time between two readings of the infrared units and the laser [s].
-    """
+    """Add MuJoCo's sensors for the wanted parts of the observation, part by part in their order."""
     modules, scout = range(organism.num_modules), organism.scout
     for part in parts:
         if part == "acceleration":

@@ -46,15 +46,7 @@ _MARKER_GROUP = 5
 def add_chassis(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, prefix: str, pose: PlanarPose, config: ScoutConfig
 ) -> None:
-    """Add chassis, tracks, docks and sensors of one module to a body.
-
-    Args:
-        spec: the model under construction.
-        body: what carries the chassis.
-        prefix: put before every name, such as "module_3_".
-        pose: the module in the frame of the body.
-        config: constants.
-    """
+    """Add chassis, tracks, docks and sensors of one module to a body."""
     frame = body.add_frame(pos=pose.position, quat=pose.quaternion)
     add_contact(
         frame,
@@ -81,16 +73,7 @@ def add_arm(
     config: ScoutConfig,
     is_folded: bool = False,
 ) -> None:
-    """Add the hinged arm of one module, with the front dock, to the body that it is part of.
-
-    Args:
-        spec: the model under construction.
-        body: what carries the arm.
-        prefix: put before every name.
-        pose: the module in the frame of the body.
-        config: constants.
-        is_folded: whether the arm is held up, out of the way of the tracks, as a free arm is.
-    """
+    """Add the hinged arm of one module, with the front dock, to the body that it is part of."""
     lift = make_quarter_turn(y=-1.0) if is_folded else np.array([1.0, 0.0, 0.0, 0.0])
     quaternion = np.empty(4)
     mujoco.mju_mulQuat(quaternion, np.array(pose.quaternion), lift)
@@ -139,14 +122,6 @@ def add_joints(
 
     The hinge is at the chassis, the twist beyond it, in the arm. MuJoCo turns a body about its joints in their order,
     seen from the parent.
-
-    Args:
-        spec: the model under construction.
-        body: the moving side.
-        module: index i of the module.
-        pose: the module in the frame of the body.
-        config: constants.
-        lifts: whether the body is the side of the arm (else that of the chassis).
     """
     if config.dofs == 2 and not lifts:
         add_twist(spec, body, f"twist_{module}", pose, config, lifts)
@@ -161,14 +136,6 @@ def add_hinge(
     """Add the main hinge of a module, with its servo, to the body that it moves.
 
     A positive angle lifts the arm, and what is docked to it, against the chassis.
-
-    Args:
-        spec: the model under construction.
-        body: the moving side.
-        name: name of joint and actuator.
-        pose: the module in the frame of the body.
-        config: constants.
-        lifts: whether the body is the side of the arm (else that of the chassis).
     """
     sign = -1.0 if lifts else 1.0
     axis = [-sign * np.sin(pose.heading), sign * np.cos(pose.heading), 0.0]

@@ -26,11 +26,7 @@ class ScoutRays(NamedTuple):
 
 
 def find_scout_rays(config: ScoutConfig | None = None) -> ScoutRays:
-    """Return the rays of a lone Scout, `ir` before `laser`, as they stand in its observation.
-
-    Args:
-        config: the module; None for the default.
-    """
+    """Return the rays of a lone Scout, `ir` before `laser`, as they stand in its observation."""
     config = config or ScoutConfig()
     origins, directions, ranges = [], [], []
     sides = find_infrared_sides(config)

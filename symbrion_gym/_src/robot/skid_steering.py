@@ -16,13 +16,6 @@ def find_turning_rate(
     """Return the rate at which a robot on two tracks turns to the left, on level ground under an even load [rad/s].
 
     Without slip it would be (right - left) / gauge; but where a robot turns, its belts slip sideways.
-
-    Args:
-        left: speed of the left belt [m/s].
-        right: speed of the right belt [m/s].
-        stations: places along a belt that carry equal loads, on both its edges, from the middle of the robot [m].
-        gauge: distance between the middles of both belts [m].
-        width: of a belt [m].
     """
     return find_skid_motion(left, right, stations, gauge, width)[2]
 
@@ -39,14 +32,6 @@ def find_skid_motion(
 
     At rest in its own motion the forces of friction, each in proportion to its load and against the slip of its place,
     have no sum and no moment. Neither the sum of the loads nor the friction is in the result.
-
-    Args:
-        left: speed of the left belt [m/s].
-        right: speed of the right belt [m/s].
-        stations: places along a belt, on both its edges, from the middle of the robot [m].
-        gauge: distance between the middles of both belts [m].
-        width: of a belt [m].
-        loads: what each station carries, in any unit; None if all carry the same.
 
     References:
         Wong and Chiang (2001), A general theory for skid steering of tracked vehicles on firm ground,

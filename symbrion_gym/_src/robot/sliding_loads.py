@@ -47,11 +47,6 @@ def find_load_gain(friction: float, impratio: float = 1.0, time_constant: float 
     In an elliptic cone, sliding with s acts like approaching with friction s, so the share grows by
     friction b d / ((1 - d) g (1 + friction² / impratio)). Nothing in it is fitted.
 
-    Args:
-        friction: of the contact.
-        impratio: MuJoCo's option of that name.
-        time_constant: first number of `solref` [s].
-
     References:
         MuJoCo's documentation, Computation, sections Constraint model and Solver parameters: impedance, reference
         acceleration, elliptic cones. Anitescu (2006), Math. Programming 105: why a convex model of friction couples
@@ -67,10 +62,6 @@ def find_sliding_rate(contacts: Contacts, gain: float) -> float:
 
     Unknown are its motion and, for each body, how it lies on the ground: height and two tilts. Loads grow with depth
     and with sliding, none pulls; in each body they balance its weight; in the whole, friction balances.
-
-    Args:
-        contacts: where it touches.
-        gain: as of `find_load_gain`; 0 for loads that are as even as the balance allows.
     """
     speed, reach = float(np.abs(contacts.belts).max()), float(np.abs(contacts.points).max())
     if speed == 0.0:

@@ -61,14 +61,7 @@ class CameraConfig:
 def look_at(
     positions: Float[np.ndarray, "N 3"], pose: Float[np.ndarray, "4 4"], cast: Cast, config: CameraConfig
 ) -> tuple[Float[np.ndarray, "N 3"], Bool[np.ndarray, " N"]]:
-    """Return the places that the pixels show which readings fall on, and which of them show any.
-
-    Args:
-        positions: the readings, as the range finder measured them [m].
-        pose: of the range finder, sensor -> world.
-        cast: returns the exact distances along rays.
-        config: the camera.
-    """
+    """Return the places that the pixels show which readings fall on, and which of them show any."""
     center = pose[:3, 3] + pose[:3, :3] @ np.asarray(config.offset)
     ways = (positions - center) @ pose[:3, :3]
     directions = round_to_pixels(ways, config.pixel)

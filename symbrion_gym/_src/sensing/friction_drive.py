@@ -65,13 +65,6 @@ def drive_lanes(
     """Drive every lane in both directions and return what the last module reads.
 
     Friction is alike in all directions here (an elliptic cone).
-
-    Args:
-        arena: as it is.
-        robot: how it drives and errs.
-        rng: of all errors.
-        progress: called with what is being done.
-        lanes: where to drive; None for all lanes of the arena.
     """
     lanes = find_lanes(arena, robot) if lanes is None else lanes
     simulation = _Simulation(arena, robot)
@@ -86,11 +79,7 @@ def drive_lanes(
 def find_friction_robot(
     friction: bool | FrictionRobot, arena: object
 ) -> tuple[FrictionRobot | None, Arena | None]:
-    """Return the robot that feels the ground, and the ground; None for both where it is not to be felt.
-
-    Raises:
-        SurveyError: the arena is no `Arena`, nor the name or folder of one.
-    """
+    """Return the robot that feels the ground, and the ground; None for both where it is not to be felt."""
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.arenas.loading import load_arena
     from symbrion_gym._src.assets import NAMED_ARENAS

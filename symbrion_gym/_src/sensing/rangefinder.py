@@ -167,20 +167,7 @@ def make_infrared(
     exclude: Iterable[str] | None = None,
     noise: float = _INFRARED_NOISE,
 ) -> RangeFinder:
-    """Make an infrared proximity unit: a cone of beams about the site's x axis; read it by `read_nearest`.
-
-    Args:
-        model: the compiled model.
-        site: name or id of the site.
-        max_range: what is farther is not seen [m].
-        opening: full angle of the cone [rad].
-        num_beams: one in the middle, the others on the cone.
-        exclude: see `RangeFinder`.
-        noise: standard deviation of a distance [m].
-
-    Raises:
-        SurveyError: there is no such site or body, or a number is out of range.
-    """
+    """Make an infrared proximity unit: a cone of beams about the site's x axis; read it by `read_nearest`."""
     around = np.arange(num_beams - 1) * 2 * np.pi / max(num_beams - 1, 1)
     radius = np.tan(opening / 2)
     cone = np.stack([np.ones_like(around), radius * np.cos(around), radius * np.sin(around)], axis=1)

@@ -165,11 +165,6 @@ def make_path(
     right, sweeps
     every place in two diagonal directions from either side: walls that face any way are seen, and pits to
     their ground, but nothing is seen along its whole length.
-
-    Args:
-        bounds: the arena's bounding box [m].
-        clearance: distance of the nearest waypoints from the box [m].
-        stride: depth of the zigzag, and length of a leg along the side, about [m].
     """
     (x0, y0), (x1, y1) = bounds[0, :2] - clearance, bounds[1, :2] + clearance
     corners = np.array([(x0, y1), (x1, y1), (x1, y0), (x0, y0), (x0, y1)])

@@ -32,10 +32,6 @@ def take_arena(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> Arena:
     """Return an arena with colors for what a survey takes as one.
 
     The courses by name are painted.
-
-    Raises:
-        SurveyError: it has no colors.
-        ArenaError: there is no such arena.
     """
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.arenas.course import Course, StairsCourse
@@ -77,17 +73,7 @@ def color_readings(
     config: CameraConfig,
     seed: int,
 ) -> UInt8[np.ndarray, "S B 3"]:
-    """Return the color that the camera sees where each reading falls on its picture; zeros without a reading.
-
-    Args:
-        ranges: of the vertical scanner [m]; nan: no return.
-        robot_poses: true poses, robot -> world.
-        robot: where the scanner sits.
-        world: what there is to see.
-        arena: whose surface has colors.
-        config: the camera; a picture a scan.
-        seed: of exposure and noise.
-    """
+    """Return the color that the camera sees where each reading falls on its picture; zeros without a reading."""
     angles = robot.scanner.angles
     beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
     is_read = np.isfinite(ranges)

@@ -84,13 +84,7 @@ class SurveyWorld:
         waypoints: Float[np.ndarray, "W 2"],
         room: SurveyRoom | None = None,
     ) -> None:
-        """Build the room around an arena.
-
-        Args:
-            surface: surface of the arena.
-            waypoints: waypoints of the path [m].
-            room: None for the default.
-        """
+        """Build the room around an arena."""
         room = room or SurveyRoom()
         spec = mujoco.MjSpec()
         bounds = np.asarray(surface.bounds, float)

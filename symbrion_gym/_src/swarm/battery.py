@@ -67,16 +67,7 @@ class Batteries:
         config: BatteryConfig | None = None,
         charge: Float[np.ndarray, " N"] | float = 1.0,
     ) -> None:
-        """Charge the batteries.
-
-        Args:
-            num_robots: N.
-            config: constants; None for the defaults.
-            charge: share of the capacity, of all robots or of each.
-
-        Raises:
-            OptionError: a share is not between 0 and 1.
-        """
+        """Charge the batteries."""
         self.config = config or BatteryConfig()
         share = np.broadcast_to(np.asarray(charge, dtype=np.float64), (num_robots,))
         if not ((share >= 0.0) & (share <= 1.0)).all():
@@ -104,15 +95,7 @@ class Batteries:
         hinge_speed: float,
         duration: float = DECISION,
     ) -> None:
-        """Spend what a step took, then share between docked robots.
-
-        Args:
-            before: state before the step.
-            after: state after it.
-            track_speed: full speed of the tracks [m/s].
-            hinge_speed: full speed of the hinges [rad/s].
-            duration: of the step [s].
-        """
+        """Spend what a step took, then share between docked robots."""
         config = self.config
         run = np.abs(after.odometry - before.odometry).mean(axis=1) / track_speed
         bend = np.abs(after.hinge - before.hinge) / hinge_speed

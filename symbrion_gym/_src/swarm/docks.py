@@ -78,12 +78,7 @@ class DockFrames(NamedTuple):
 def find_dock_poses(
     state: SwarmState, scout: ScoutConfig | None = None
 ) -> tuple[Float[np.ndarray, "N 4 3"], Float[np.ndarray, "N 4 3"]]:
-    """Return positions [m] and outward axes of the docks of all robots in the arena.
-
-    Args:
-        state: of the robots; the front dock follows the hinge.
-        scout: constants of the robots; None for the defaults.
-    """
+    """Return positions [m] and outward axes of the docks of all robots in the arena."""
     frames = find_dock_frames(state, scout)
     return frames.position, frames.axis
 
@@ -116,13 +111,6 @@ def find_matches(
 
     The nearest pairs come first. A pair that would close a ring, or whose modules would overlap with straight hinges,
     does not latch, as an organism is a tree.
-
-    Args:
-        state: of the robots.
-        latch: which docks are told to latch.
-        config: tolerances; None for the defaults.
-        scout: constants of the robots; None for the defaults.
-        num_swarms: equal parts of the robots that do not meet each other.
     """
     config, scout = config or DockConfig(), scout or ScoutConfig()
     wanted = np.array(latch, bool)
@@ -227,15 +215,6 @@ def make_organism(
 
     Modules are numbered from the root, depth first with the docks of a module in the order of `SIDES`: robots that are
     docked front to back in a row form the very organism of `snake`.
-
-    Args:
-        links: dockings; those of robots that are not members are ignored.
-        members: the robots of one group.
-        scout: constants of the modules; None for the defaults.
-        root: the robot that becomes module 0; None for the first whose front dock is free.
-
-    Raises:
-        OrganismError: the dockings are no tree of the members, or its modules overlap.
     """
     neighbors: dict[int, list[tuple[int, int, str]]] = {robot: [] for robot in sorted(members)}
     for link in links:

@@ -18,11 +18,7 @@ FIDELITIES = ("kinematic", "dynamic", "mixed")
 
 
 def check_fidelity(fidelity: str) -> None:
-    """Refuse a level of physics that there is not.
-
-    Raises:
-        OptionError: it is not one of `FIDELITIES`.
-    """
+    """Refuse a level of physics that there is not."""
     if fidelity not in FIDELITIES:
         raise OptionError(f"no fidelity {fidelity!r}; there are: {', '.join(FIDELITIES)}")
 
@@ -34,18 +30,7 @@ def make_world(
     scout: ScoutConfig | None = None,
     docks: DockConfig | None = None,
 ) -> SwarmWorld:
-    """Return a world of robots at a level of physics; `reset` places them.
-
-    Args:
-        arena: where they are.
-        num_robots: how many, at least 1.
-        fidelity: one of `FIDELITIES`.
-        scout: constants of the robots; None for the defaults, with the friction of the arena.
-        docks: when docks latch; None for the defaults.
-
-    Raises:
-        OptionError: there is no such level, or fewer than 1 robot.
-    """
+    """Return a world of robots at a level of physics; `reset` places them."""
     check_fidelity(fidelity)
     if fidelity == "kinematic":
         return KinematicWorld(arena, num_robots, scout, docks)

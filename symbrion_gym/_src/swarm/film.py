@@ -64,14 +64,7 @@ class SwarmCamera:
         hinge: Float[np.ndarray, " N"],
         time: float,
     ) -> UInt8[np.ndarray, "H W 3"]:
-        """Return an image of robots.
-
-        Args:
-            position: of their chassis [m].
-            rotation: of their chassis.
-            hinge: angles [rad].
-            time: since the beginning [s], by which the camera follows smoothly.
-        """
+        """Return an image of robots."""
         data = self._data
         quaternion = np.zeros(4)
         for robot, root in enumerate(self._roots):

@@ -120,22 +120,13 @@ class MixedWorld:
         self._odometry = np.zeros((0, 2))
 
     def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
-        """Place the robots on the ground, undocked, kinematic, at x [m], y [m] and heading [rad].
-
-        Raises:
-            ArenaError: a place off the surface, too steep, or within another robot.
-        """
+        """Place the robots on the ground, undocked, kinematic, at x [m], y [m] and heading [rad]."""
         self._clear()
         self.kinematic.reset(poses, seed)
         self.state = self.kinematic.state
 
     def step(self, commands: SwarmCommands, duration: float = DECISION) -> None:
-        """Advance by one decision.
-
-        Args:
-            commands: what the robots are told.
-            duration: time until the next decision [s]; kinematic robots move once every `DECISION`.
-        """
+        """Advance by one decision."""
         self._choose_levels(commands)
         self._since_decision += duration
         before = self.state
@@ -153,11 +144,7 @@ class MixedWorld:
         self.state = state
 
     def find_dynamic(self, robots: Sequence[int]) -> tuple[DynamicWorld, list[int]]:
-        """Return the dynamic world that robots are in, and their numbers there.
-
-        Raises:
-            OptionError: one of them is kinematic.
-        """
+        """Return the dynamic world that robots are in, and their numbers there."""
         if self.dynamic is None or not set(robots) <= set(self.robots):
             raise OptionError(f"robots {list(robots)} are not all dynamic; those are {list(self.robots)}")
         return self.dynamic, [self.robots.index(robot) for robot in robots]

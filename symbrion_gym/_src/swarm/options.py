@@ -59,11 +59,7 @@ class SwarmOptions:
 
     @classmethod
     def from_options(cls, options: dict[str, Any]) -> SwarmOptions:
-        """Return options by name.
-
-        Raises:
-            OptionError: an unknown name, or a value out of range.
-        """
+        """Return options by name."""
         names = [field.name for field in fields(cls)]
         unknown = sorted(set(options) - set(names))
         if unknown:

@@ -32,19 +32,7 @@ def is_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> boo
 
 
 def read_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
-    """Return parts of the observation of an organism, without noise, as its environment has them.
-
-    Args:
-        world: where the robots are.
-        modules: robots in the order of the modules, of one tree.
-
-    Returns:
-        "hinge_angle" of the working hinges [rad], "pitch" and "roll" of the modules [rad], and "contact", the force on
-        the skin of each [N].
-
-    Raises:
-        OptionError: the robots are not one tree.
-    """
+    """Return parts of the observation of an organism, without noise, as its environment has them."""
     is_whole = is_organism(world, modules)
     world, modules = world.find_dynamic(modules)
     if not is_whole:

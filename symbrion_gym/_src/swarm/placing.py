@@ -23,14 +23,6 @@ def lay_robots(
     """Return positions [m] and rotations of robots that stand on the ground.
 
     A robot stands on the plane that fits the ground below it best, lifted so that it clears all of it.
-
-    Args:
-        arena: with the ground.
-        poses: x [m], y [m] and heading [rad].
-        scout: constants of the robots.
-
-    Raises:
-        ArenaError: a place off the surface, too steep, or within another robot.
     """
     poses = np.asarray(poses, dtype=np.float64)
     if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():

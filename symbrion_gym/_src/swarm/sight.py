@@ -50,11 +50,6 @@ class Sight:
         """Return the distance of the exact surface along each ray [m]; inf beyond its range.
 
         Rays above everything in the cells that they pass are not cast.
-
-        Args:
-            origins: where rays begin [m].
-            directions: unit vectors.
-            max_ranges: [m].
         """
         distances = np.full(len(origins), np.inf)
         rays = np.flatnonzero(self.may_hit(origins, directions, max_ranges))
@@ -68,13 +63,7 @@ class Sight:
         directions: Float[np.ndarray, "R 3"],
         counts: Int[np.ndarray, " F"],
     ) -> Float[np.ndarray, " R"]:
-        """Return the distance of the exact surface along each ray of fans [m]; inf for none.
-
-        Args:
-            origins: where the rays of each fan begin [m].
-            directions: unit vectors, fan after fan.
-            counts: number of rays of each fan.
-        """
+        """Return the distance of the exact surface along each ray of fans [m]; inf for none."""
         return self._mesh.cast_fans(origins, directions, counts)
 
     def cast_on_robots(
@@ -85,15 +74,7 @@ class Sight:
         rays: Int[np.ndarray, " P"],
         robots: Int[np.ndarray, " P"],
     ) -> Float[np.ndarray, " R"]:
-        """Return the distance of the nearest chassis along each ray [m]; inf for none. A ray within one is at 0.
-
-        Args:
-            origins: where rays begin [m].
-            directions: unit vectors.
-            state: of the robots.
-            rays: which ray of each pair that is tried.
-            robots: which robot.
-        """
+        """Return the distance of the nearest chassis along each ray [m]; inf for none. A ray within one is at 0."""
         distances = np.full(len(origins), np.inf)
         rotation = state.rotation[robots]
         place, direction = origins[rays] - state.position[robots], directions[rays]
@@ -118,16 +99,7 @@ class Sight:
         first: Int[np.ndarray, " R"],
         second: Int[np.ndarray, " R"],
     ) -> Bool[np.ndarray, " R"]:
-        """Return whether neither surface nor a third robot is between two places.
-
-        Args:
-            places: where lines of sight begin [m].
-            ends: where each of them ends [m].
-            fan: the place where each one begins, in rising order.
-            state: of the robots.
-            first: robot at each start, which is in nobody's way.
-            second: robot at each end, likewise.
-        """
+        """Return whether neither surface nor a third robot is between two places."""
         starts = places[fan]
         way = ends - starts
         length = np.sqrt(_multiply(way, way))
@@ -152,13 +124,7 @@ class Sight:
         directions: Float[np.ndarray, "R 3"],
         max_ranges: Float[np.ndarray, " R"],
     ) -> Bool[np.ndarray, " R"]:
-        """Return which rays come below the highest surface of a cell that they pass.
-
-        Args:
-            origins: where rays begin [m].
-            directions: unit vectors.
-            max_ranges: [m].
-        """
+        """Return which rays come below the highest surface of a cell that they pass."""
         num = int(np.ceil(max_ranges.max(initial=0.0) / self._cell)) + 1
         along = np.linspace(0.0, 1.0, num)[:, None] * max_ranges
         x, y, z = (origins[:, k] + along * directions[:, k] for k in range(3))

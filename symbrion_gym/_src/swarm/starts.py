@@ -52,15 +52,7 @@ class Field(NamedTuple):
 
 
 def find_field(arena: Arena, length: int = 8) -> Field:
-    """Return the ground before the gap of an arena, as the task of a snake finds it on the surface.
-
-    Args:
-        arena: with a gap that a snake can reach.
-        length: modules of the snake.
-
-    Raises:
-        ArenaError: there is no gap, or no level ground before it.
-    """
+    """Return the ground before the gap of an arena, as the task of a snake finds it on the surface."""
     body = snake(length)
     route = find_route(arena, body, "floor")
     if route.pit is None:
@@ -76,17 +68,7 @@ def find_field(arena: Arena, length: int = 8) -> Field:
 def scatter(
     field: Field, num_robots: int, arena: Arena, rng: np.random.Generator
 ) -> Float[np.ndarray, "N 3"]:
-    """Return x [m], y [m] and heading [rad] of robots on the ground before the gap, on level ground.
-
-    Args:
-        field: where.
-        num_robots: how many.
-        arena: of the field.
-        rng: draws places and headings.
-
-    Raises:
-        ArenaError: there is no room for so many.
-    """
+    """Return x [m], y [m] and heading [rad] of robots on the ground before the gap, on level ground."""
     poses: list[tuple[float, float, float]] = []
     for _ in range(_MOST_TRIES):
         if len(poses) == num_robots:

@@ -78,11 +78,7 @@ class SwarmWorld(Protocol):
     state: SwarmState
 
     def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
-        """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad].
-
-        Raises:
-            ArenaError: a place off the surface, too steep, or within another robot.
-        """
+        """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad]."""
         ...
 
     def step(self, commands: SwarmCommands) -> None:

@@ -114,12 +114,7 @@ class Audit:
 def place_modules(
     qpos: Float[np.ndarray, "T Q"], pitch: float = ScoutConfig.pitch
 ) -> tuple[Float[np.ndarray, "T n 3"], Float[np.ndarray, "T n 3 3"]]:
-    """Return centers [m] and rotations of a snake's modules.
-
-    Args:
-        qpos: position, quaternion and hinge angles, Q = 7 + hinges.
-        pitch: distance of neighbors at straight hinges [m].
-    """
+    """Return centers [m] and rotations of a snake's modules."""
     rotation = to_rotation(qpos[:, 3:7])
     center, centers, rotations = qpos[:, :3], [qpos[:, :3]], [rotation]
     for angle in qpos[:, 7:].T:
@@ -173,13 +168,7 @@ def find_bad_hinges(angles: Float[np.ndarray, "T h"], largest: float) -> list[st
 
 
 def find_bad_motion(motion: Motion, limits: AuditLimits, rolled_over: float | None = None) -> list[str]:
-    """Return what no body does: jumps, and rolling over.
-
-    Args:
-        motion: what the modules did.
-        limits: limits of an honest motion.
-        rolled_over: z of an up axis below which a module has rolled over; None for that of the limits.
-    """
+    """Return what no body does: jumps, and rolling over."""
     faults, (time, centers, rotations) = [], motion
     step = np.diff(time)
     if not (step > 0).all():
@@ -212,12 +201,6 @@ def find_bad_pace(
 
     Its middle may be no farther from its start, in plan, than the tracks can have taken it. Until the end is held, a
     body that is pulled by modules that hang may have slid ahead, as far as their loss of height pays for the friction.
-
-    Args:
-        motion: what the modules did.
-        track_speed: [m/s].
-        limits: limits of an honest motion.
-        progress: progress along a straight way, which counts until the end [m]; None where the way is not straight.
     """
     time, middle, height = motion.time, motion.centers.mean(axis=1), motion.centers[:, :, 2]
     tracks = track_speed * (time - time[0]) * limits.track_slip + limits.speed_slack

@@ -34,11 +34,7 @@ TASKS: dict[str, Callable[..., Task]] = {
 
 
 def find_parameters(name: str) -> tuple[str, ...]:
-    """Return the names of the parameters of a task.
-
-    Raises:
-        TaskError: there is no such task.
-    """
+    """Return the names of the parameters of a task."""
     if name not in TASKS:
         raise TaskError(f"no task {name!r}; there are: {', '.join(TASKS)}")
     parameters = inspect.signature(TASKS[name]).parameters.values()
@@ -61,16 +57,7 @@ def make_task(name: str, **parameters: Any) -> Task:
 
 
 def choose_task(task: Task | str, parameters: Mapping[str, Any]) -> Task:
-    """Return a task with parameters that were given beside it.
-
-    Args:
-        task: a task or a name.
-        parameters: of a named task; of a `Task`, start and duration alone can be changed.
-
-    Raises:
-        TaskError: there is no such task.
-        OptionError: the task has no such parameter.
-    """
+    """Return a task with parameters that were given beside it."""
     if isinstance(task, str):
         return make_task(task, **parameters)
     if not isinstance(task, Task):

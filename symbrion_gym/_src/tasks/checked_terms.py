@@ -27,11 +27,7 @@ class CheckedFunction:
     function: Callable[[Any], Any]
 
     def __call__(self, state: Any) -> Any:
-        """Return what the function returns.
-
-        Raises:
-            TaskError: it has another shape, or is no number.
-        """
+        """Return what the function returns."""
         value = self.function(state)
         shape, kind = np.shape(value), np.asarray(value).dtype.kind
         if shape != (state.num,) or kind not in "biuf":
@@ -44,12 +40,7 @@ class CheckedFunction:
 
 
 def check_function(what: str, function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a function of a task as it is, or with a check of what it returns if a user wrote it.
-
-    Args:
-        what: name of the term, for the message.
-        function: state -> `[N]`.
-    """
+    """Return a function of a task as it is, or with a check of what it returns if a user wrote it."""
     plain = getattr(function, "__func__", function)
     named = plain if hasattr(plain, "__qualname__") else type(plain).__call__
     is_ours = str(getattr(named, "__module__", "")).startswith(_OURS)

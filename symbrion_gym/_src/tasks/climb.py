@@ -38,12 +38,7 @@ class OnTop(PassFinish):
         check_choice("obstacle", self.obstacle, ("any", *OBSTACLES), TaskError)
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
-        """Find what to climb on the surface alone.
-
-        Raises:
-            TaskError: there is nothing of the kind; the message gives the reason.
-            ArenaError: there is no room at the start.
-        """
+        """Find what to climb on the surface alone."""
         kinds = OBSTACLES if self.obstacle == "any" else (self.obstacle,)
         for kind in kinds[:-1]:
             try:
@@ -75,10 +70,5 @@ def make_climb(obstacle: str = "any", start: StartName | Point = "floor", **term
 
     Success: every corner of every module past the edge of the top, upright, on the ground, the body no faster than its
     tracks, for 0.3 s.
-
-    Args:
-        obstacle: "stairs", "step" or "ramp"; "any" for the first kind that is there, in this order.
-        start: "floor": before the obstacle; or (x, y) [m].
-        terms: fields of `UsualTerms`, such as `duration`.
     """
     return UsualTerms(**terms).make_task("climb", Start(start), OnTop(obstacle=obstacle))

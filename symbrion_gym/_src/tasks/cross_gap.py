@@ -29,12 +29,7 @@ class BeyondGap(PassFinish):
     search: GapSearch | None = None
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
-        """Find the gap on the surface alone.
-
-        Raises:
-            TaskError: there is none; the message gives the reason.
-            ArenaError: there is no room at the start.
-        """
+        """Find the gap on the surface alone."""
         gap = find_gap(arena, organism, None, self.search)
         pit = gap.near, gap.far, gap.floor
         finish = gap.find_finish(organism)
@@ -51,12 +46,6 @@ def make_cross_gap(
 
     Success: every corner of every module beyond the far edge, upright, on the ground, the body no faster than its
     tracks, for 0.3 s.
-
-    Args:
-        start: "floor": before the ramp; "pit": before the gap; or (x, y) [m].
-        bottomless: whether touching the floor of the gap is a failure.
-        search: what counts as a gap; None for the defaults.
-        terms: fields of `UsualTerms`, such as `duration`.
     """
     usual = UsualTerms(**terms)
     touched = Termination("touched_pit", TouchedPit(bottomless))

@@ -24,13 +24,6 @@ def make_dock(
 
     Success: the dock within the tolerance of the middle of the object's front, ahead and to the side, the head aligned
     with it, every module upright, on the ground, the body no faster than its tracks, for 0.3 s.
-
-    Args:
-        goal: the object: name of its site in the arena, as "object_station_0", or of its kind where there is one.
-        tolerance: distance of the dock from the middle of the front, ahead and to the side [m].
-        max_angle: largest angle between the head and the front [rad].
-        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        terms: fields of `UsualTerms`, such as `duration`.
     """
     target = DockAtObject(tolerance=tolerance, site=goal, max_angle=max_angle)
     return UsualTerms(**terms).make_task("dock", Start(start), target)

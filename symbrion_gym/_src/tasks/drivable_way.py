@@ -53,17 +53,6 @@ def find_broken_traverse(
 
     Ground counts as drivable as in `Arena.traversability`, for a body that need not turn on the spot. Its limits are
     those that bodies are known to climb wherever they meet them: learned ones may climb more, straight on.
-
-    Args:
-        arena: where.
-        smallest: the shortest body; its way is looked at.
-        largest: the body that climbs most, as a row of all modules does.
-        start: of the task.
-        goal: of the task; None for the far end.
-
-    Raises:
-        ArenaError: the task cannot be made in this arena.
-        TaskError: likewise.
     """
     route = FarEnd(goal).find(arena, smallest, Start(start))
     ground = _map_ground(arena, largest)
@@ -75,15 +64,7 @@ def find_broken_traverse(
 
 
 def propose_way(arena: Arena, body: Organism) -> Pair | None:
-    """Return start and goal of a straight way that a body can drive, inside the largest region; None without one.
-
-    Args:
-        arena: where.
-        body: the longest and strongest one, as a row of all modules is.
-
-    Raises:
-        ArenaError: the arena has no contact geometry.
-    """
+    """Return start and goal of a straight way that a body can drive, inside the largest region; None without one."""
     return find_other(_map_ground(arena, body), body)
 
 

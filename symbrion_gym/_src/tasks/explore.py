@@ -45,13 +45,7 @@ class Cells(NamedTuple):
     disc: Int[np.ndarray, " D"]
 
     def find_seen(self, xp: Any, place: Float[Any, "M 2"], edge: float) -> Int[Any, "M D"]:
-        """Return the numbers of the cells that are seen from places; one outside the grid counts as at its rim.
-
-        Args:
-            xp: namespace of the arrays.
-            place: (x, y) [m].
-            edge: edge of a cell [m].
-        """
+        """Return the numbers of the cells that are seen from places; one outside the grid counts as at its rim."""
         index = xp.nan_to_num(xp.round((place - self.origin) / edge))
         index = xp.clip(index, self.pad, np.array(self.shape) - self.pad - 1).astype(int)
         middle = index[:, 0] * self.shape[1] + index[:, 1]
@@ -116,11 +110,7 @@ class SeeGround:
             check_positive(self, ("sight",), TaskError)
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> AreaRoute:
-        """Find the start on the map, and the ground that is connected to it.
-
-        Raises:
-            ArenaError: there is no drivable ground at the start.
-        """
+        """Find the start on the map, and the ground that is connected to it."""
         path = find_path(arena, organism, start, ())
         ground = find_ground_map(arena, organism)
         at = np.array(path.place(path.start))
@@ -179,12 +169,6 @@ def make_explore(
 
     Success: a share of the ground seen, then every module upright and on the ground, the body no farther from its
     start than its tracks can have taken it, for 0.3 s.
-
-    Args:
-        share: share of the ground that has to be seen.
-        sight: how far module 0 sees [m]; None for four lengths of a module.
-        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        terms: fields of `UsualTerms`, such as `duration`.
     """
     usual = UsualTerms(**{"duration": 180.0, "stuck_time": 20.0, **terms})
     return usual.make_task("explore", Start(start), SeeGround(share, sight))

@@ -39,11 +39,7 @@ class PassFinish:
             object.__setattr__(self, "place", tuple(float(each) for each in self.place))
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
-        """Find the way; see `symbrion_gym._src.tasks.route.find_route`.
-
-        Raises:
-            TaskError: there is nothing to do: the start lies beyond the pit, or the body at the goal.
-        """
+        """Find the way; see `symbrion_gym._src.tasks.route.find_route`."""
         route = find_route(arena, organism, start.place, self.place, self.margins, self.pit_search)
         if self.place is not None:
             _refuse_near_goal(route, organism, self.place)
@@ -65,11 +61,7 @@ class PassFinish:
 
 
 def _refuse_near_goal(route: Route, organism: Organism, place: Point) -> None:
-    """Refuse a goal that the body has nearly passed where it starts.
-
-    Raises:
-        TaskError: less than a module's length is left.
-    """
+    """Refuse a goal that the body has nearly passed where it starts."""
     least, length = organism.scout.size[0], (organism.num_modules - 1) * organism.scout.pitch
     left = route.finish + length - route.start
     if left < least:

@@ -58,16 +58,6 @@ def find_ends(
 
     The way through the middle is kept where it is open to the sky and no wall stands on it; elsewhere, as in a room,
     about the longest straight way over walkable ground is chosen.
-
-    Args:
-        arena: an arena without a course.
-        organism: what crosses it.
-        middle_way: the way through the middle.
-        start: (x, y) or (x, y, z) of the head [m]; None to choose it.
-        goal: likewise.
-
-    Raises:
-        ArenaError: there is no ground at a given place, or no straight way as long as the organism.
     """
     for name, place in (("start", start), ("goal", goal)):
         if place is not None:

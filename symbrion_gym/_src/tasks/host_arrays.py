@@ -39,33 +39,18 @@ class HostArrays:
         mask: Bool[np.ndarray, " M"],
         find: Callable[[Int[np.ndarray, " K"]], Bool[np.ndarray, " K"]],
     ) -> Bool[np.ndarray, " M"]:
-        """Return where something is so and something else as well, which is looked for only there.
-
-        Args:
-            mask: what is known; changed in place on the host.
-            find: from entries of the mask to whether the other is so in each of them.
-        """
+        """Return where something is so and something else as well, which is looked for only there."""
         rows = np.flatnonzero(mask)
         if len(rows):
             mask[rows] = find(rows)
         return mask
 
     def keep(self, name: str, values: np.ndarray, where: Bool[np.ndarray, " N"]) -> None:
-        """Change what a term remembers in some simulations; see `TaskState.remember`.
-
-        Args:
-            name: as given to `remember`.
-            values: `[N, ...]`, read where `where` holds.
-            where: which simulations.
-        """
+        """Change what a term remembers in some simulations; see `TaskState.remember`."""
         np.copyto(self.memory[name], values, where=where)
 
     def group(self, mask: Bool[np.ndarray, " N"]) -> Iterator[tuple[Scene, Int[np.ndarray, " M"]]]:
-        """Yield each scene in which something is so, and in which of its simulations; on a device all of them.
-
-        Args:
-            mask: in which simulations it is so; give it to `write`, too.
-        """
+        """Yield each scene in which something is so, and in which of its simulations; on a device all of them."""
         groups: dict[int, list[int]] = {}
         for row in np.flatnonzero(mask).tolist():
             groups.setdefault(id(self.scenes[row]), []).append(row)
@@ -73,24 +58,12 @@ class HostArrays:
             yield self.scenes[members[0]], np.array(members)
 
     def write(self, name: str, place: Any, values: Any, where: Bool[np.ndarray, " N"]) -> None:
-        """Change entries of what a term remembers, in simulations that `group` yielded.
-
-        Args:
-            name: as given to `remember`.
-            place: their rows, or a tuple of these and further indices of an entry; none comes twice.
-            values: the entries.
-            where: what `group` was given; a device leaves the other simulations as they are.
-        """
+        """Change entries of what a term remembers, in simulations that `group` yielded."""
         del where
         self.memory[name][place] = values
 
     def find_low(self, rows: Int[np.ndarray, " M"], height: float) -> Bool[np.ndarray, " M"]:
-        """Return which of some bodies may have every module lower than this above the ground: a quick look.
-
-        Args:
-            rows: which simulations.
-            height: above the ground [m].
-        """
+        """Return which of some bodies may have every module lower than this above the ground: a quick look."""
         is_low = np.ones(len(rows), dtype=bool)
         for index, row in enumerate(rows):
             x, _, z = self.position[row].T

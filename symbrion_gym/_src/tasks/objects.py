@@ -60,11 +60,7 @@ class ReachObject(ReachPlaces):
             raise TaskError(f"an object is named as object_socket_0, got {self.site!r}")
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> PathRoute:
-        """Find the path to the nearest place before the object that can be driven to.
-
-        Raises:
-            ArenaError: there is no such object, or no way to its front.
-        """
+        """Find the path to the nearest place before the object that can be driven to."""
         each = find_object(arena.objects, self.site)
         return _find_front_path(arena, organism, start, each, self.places, self.site)
 
@@ -136,11 +132,7 @@ def find_length(organism: Organism) -> float:
 def _find_front_path(
     arena: Arena, organism: Organism, start: Start, each: PlacedObject, places: tuple, site: str
 ) -> ObjectRoute:
-    """Return the path to the place nearest to the front of an object that can be driven to.
-
-    Raises:
-        ArenaError: there is none within the length of the body.
-    """
+    """Return the path to the place nearest to the front of an object that can be driven to."""
     face = each.position[:2] + each.reach * each.front
     error: ArenaError | None = None
     for gap in np.arange(_NEAREST, find_length(organism), _STEP):

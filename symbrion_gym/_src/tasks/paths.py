@@ -51,19 +51,7 @@ def find_path(
     distance: float | None = None,
     margins: RouteMargins | None = None,
 ) -> PathRoute:
-    """Find the path from the start over drivable ground through places in turn.
-
-    Args:
-        arena: arena of the path.
-        organism: who goes there.
-        start: "floor" for a place of the map with room around it; or a place of the head.
-        places: places to be reached in turn; none to choose one far away.
-        distance: length of the path to a place that is chosen [m]; None for as far as possible, up to 10 m.
-        margins: how far below the ground a module has fallen off; None for the defaults.
-
-    Raises:
-        ArenaError: there is no drivable ground, a place is not drivable, or there is no way to it.
-    """
+    """Find the path from the start over drivable ground through places in turn."""
     if start.place == "pit":
         raise ArenaError("a path does not start before a pit; give start='floor' or (x, y)")
     ground = find_ground_map(arena, organism)
@@ -115,9 +103,6 @@ def find_room(
 ) -> tuple[tuple[float, float, float], float]:
     """Return a place for the head, with room for the whole body behind it on about the longest straight way, and the
     heading of that way [rad].
-
-    Raises:
-        ArenaError: there is no straight way as long as the body.
     """
     way = find_straight_way(ground, ground.region == 0) if ground.num_regions else None
     tail = -min(pose.x for pose in organism.find_poses()) + organism.scout.size[0]

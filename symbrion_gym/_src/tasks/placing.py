@@ -16,11 +16,6 @@ def place_tree(
 
     What is docked to the front of a module is fixed to its arm, which the hinge turns about the module's lateral axis
     and the second joint, if there is one, about its own.
-
-    Args:
-        qpos: position [m] and quaternion (w first) of module 0, then the angles of the hinges, then those of the
-            second joints, each in the order of `organism.hinges` [rad].
-        organism: the modules and their dockings.
     """
     arms = _turn_arms(qpos[:, 7:], organism)
     straight = organism.find_poses()

@@ -48,11 +48,7 @@ class ReachPlaces:
         object.__setattr__(self, "places", tuple(tuple(map(float, place)) for place in self.places))
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> PathRoute:
-        """Find the path on the map; see `symbrion_gym._src.tasks.paths.find_path`.
-
-        Raises:
-            TaskError: all places are where the body starts, or the distance is as short.
-        """
+        """Find the path on the map; see `symbrion_gym._src.tasks.paths.find_path`."""
         least = self._find_least(organism)
         if self.distance is not None and self.distance < least:
             raise TaskError(
@@ -88,12 +84,7 @@ class ReachPlaces:
     def list_places(
         self, route: Route, length: float
     ) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
-        """Return the corners and places of a way in turn, and how near each is passed [m].
-
-        Args:
-            route: as `find` returned it.
-            length: length of a module [m].
-        """
+        """Return the corners and places of a way in turn, and how near each is passed [m]."""
         path, tolerance = _read_path(route), length if self.tolerance is None else self.tolerance
         loose = max(_PASSING * length, tolerance)
         return np.array(path.corners), np.array([tolerance if exact else loose for exact in path.is_place])

@@ -26,15 +26,6 @@ def make_reach(
     Success: every place reached by the middle of the body within the tolerance, in turn; at the last one every module
     no farther from it than the straight body is long, upright, on the ground, the body no faster than its tracks, for
     0.3 s.
-
-    Args:
-        goal: (x, y) or (x, y, z) of the place [m]; None to choose it on the map; or a known object of the arena, by
-            the name of its site, as "object_socket_0": the head ends within a body length of its front, turned to it.
-        places: way-points before it, or in its place.
-        distance: length of the path to a place that is chosen [m]; None for as far as possible, up to 10 m.
-        tolerance: distance of the middle from a place that has been reached [m]; None for the length of a module.
-        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        terms: fields of `UsualTerms`, such as `duration`.
     """
     if isinstance(goal, str):
         target: ReachPlaces = ReachObject(tuple(places), distance, tolerance, goal)

@@ -21,12 +21,7 @@ class Recorder(Protocol):
     """Keeps something of every episode. It is a value without memory: what it keeps is in `state.memory`."""
 
     def record(self, state: TaskState, active: Bool[np.ndarray, " N"]) -> None:
-        """Look at the state after a tick, and at the start.
-
-        Args:
-            state: state of N simulations.
-            active: which of them have just been stepped or begun.
-        """
+        """Look at the state after a tick, and at the start."""
         ...
 
     def read(self, state: TaskState, row: int) -> dict[str, Any]:
@@ -180,11 +175,7 @@ class Descriptor:
 
 
 def check_recorders(recorders: Sequence[Recorder]) -> tuple[Recorder, ...]:
-    """Return recorders as a tuple.
-
-    Raises:
-        TaskError: one of them is none.
-    """
+    """Return recorders as a tuple."""
     for each in recorders:
         if not isinstance(each, Recorder):
             raise TaskError(f"a recorder has record(state, active) and read(state, row), got {each!r}")

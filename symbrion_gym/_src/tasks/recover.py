@@ -57,12 +57,6 @@ def make_recover(
 
     Success: every module upright and on the ground, the body no farther from where it started than its tracks can have
     taken it, for 0.3 s.
-
-    Args:
-        least: smallest angle by which the body is turned about the axis of its head [rad].
-        most: largest angle [rad].
-        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        terms: fields of `UsualTerms`, such as `duration`.
     """
     usual = UsualTerms(**{"duration": 30.0, "stuck_progress": _RIGHTING, **terms})
     fell = Termination("fell", FellOff())

@@ -45,14 +45,7 @@ def spend_power(state: TaskState) -> Float[Any, " N"]:
 def make_rewards(
     forward: float = 1.0, success: float = 1.0, effort: float = 0.002, failure: float = 1.0
 ) -> tuple[Reward, ...]:
-    """Return the usual rewards of the tasks: potential of progress, success, failure, work of the hinges.
-
-    Args:
-        forward: reward per unit of progress; a failed episode keeps none of it.
-        success: reward of a success.
-        effort: cost per joule.
-        failure: cost of a failure.
-    """
+    """Return the usual rewards of the tasks: potential of progress, success, failure, work of the hinges."""
     return (
         Reward("forward", gain_potential, forward),
         Reward("success", has_succeeded, success, at_end=True),

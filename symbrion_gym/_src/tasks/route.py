@@ -101,20 +101,6 @@ def find_route(
     belongs to the way. Where this way is no open ground, as in a room, it is about the longest straight way over
     ground that the organism can drive on. Of an exact arena alone, as the truth is, start, pit and finish are those
     of its course.
-
-    Args:
-        arena: arena to cross.
-        organism: organism that crosses it; its length and reach determine start and finish.
-        start: "floor", before the ramp; "pit", before the pit; or (x, y) or (x, y, z) [m]: z selects one of several
-            storeys; without it, it is the largest drivable one.
-        goal: (x, y) or (x, y, z) to be reached by the head [m].
-        margins: distances from ramp, pit and rim; None for the defaults.
-        pit_search: what counts as a pit on a surface; None for the defaults.
-
-    Raises:
-        ArenaError: the start or the goal lies off the surface or off the ground (the message names the nearest possible
-            place), is no point, or both are the same; or the arena has no pit although the start is "pit", or no
-            straight way as long as the organism.
     """
     margins = margins or RouteMargins()
     course = arena.course
@@ -206,17 +192,7 @@ def _finish_beyond_gap(route: Route, arena: Arena, organism: Organism, search: G
 def refuse_start_beyond_gap(
     arena: Arena, organism: Organism, start: Point, search: GapSearch | None = None
 ) -> None:
-    """Refuse a given start beyond the pit of an arena, where crossing it is done already.
-
-    Args:
-        arena: arena of the pit.
-        organism: body that crosses it.
-        start: (x, y) or (x, y, z) of the head [m].
-        search: what counts as a pit on a surface; None for the defaults.
-
-    Raises:
-        TaskError: the start lies beyond the far edge; the message says where the near one is.
-    """
+    """Refuse a given start beyond the pit of an arena, where crossing it is done already."""
     x, y = np.asarray(start, dtype=np.float64)[:2].tolist()
     if isinstance(arena.course, Course):
         (near, far), heading, reached = arena.course.pit_edges, 0.0, x

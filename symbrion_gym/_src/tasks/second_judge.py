@@ -73,18 +73,7 @@ class _Case:
 def audit_task(
     trajectory: Trajectory, task: Task, scene: Scene, track_speed: float, limits: AuditLimits | None = None
 ) -> Audit:
-    """Check a recorded success of a task.
-
-    Args:
-        trajectory: the episode, to its end; angles as `symbrion_gym._src.tasks.placing.place_tree` takes them.
-        task: what was to be done; one whose goal comes with the package, or is derived from one that does.
-        scene: arena, organism and way; `World.scene`.
-        track_speed: track speed of the organism [m/s].
-        limits: limits of an honest success; None for the defaults.
-
-    Raises:
-        TaskError: the goal is of a kind of one's own.
-    """
+    """Check a recorded success of a task."""
     limits = limits or AuditLimits()
     if not np.isfinite(trajectory.qpos).all():
         return Audit(False, ("a coordinate is not finite",))

@@ -34,27 +34,7 @@ def make_snake_pit(
     margins: RouteMargins | None = None,
     pit_search: GapSearch | None = None,
 ) -> Task:
-    """Make the task of crossing a pit, or climbing stairs or a ramp, or reaching a place straight ahead.
-
-    Args:
-        start: "floor": before the ramp or step; "pit": before the pit; or (x, y) or (x, y, z) [m].
-        goal: (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit.
-        bottomless: whether touching the floor of the pit ends the episode, as if the pit had none.
-        duration: an episode is truncated after this [s].
-        stuck_time: time without progress after which it is truncated as well [s].
-        stuck_progress: smallest progress that counts as such [m].
-        forward_weight: reward per meter of progress.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either; None as in `SnakePit-v0`, where a
-            failure costs nothing.
-        criteria: limits of a success; None for those of the body.
-        margins: distances of the route from ramp, pit and rim; None for the defaults.
-        pit_search: what counts as a pit of a surface without a course; None for the defaults.
-
-    Raises:
-        OptionError: a number is out of range.
-    """
+    """Make the task of crossing a pit, or climbing stairs or a ramp, or reaching a place straight ahead."""
     gain = gain_progress if failure_cost is None else gain_potential
     failure = () if failure_cost is None else (Reward("failure", has_failed, -failure_cost, at_end=True),)
     return Task(

@@ -154,13 +154,7 @@ class TaskState(HostArrays):
         self._along, self._left = self.local[:, :, 0], self.local[:, :, 1]
 
     def begin(self, rows: Sequence[int], scenes: Sequence[Scene], track_speed: Sequence[float]) -> None:
-        """Start episodes in some simulations, from the present physics.
-
-        Args:
-            rows: which simulations.
-            scenes: arena and way of each of them.
-            track_speed: [m/s].
-        """
+        """Start episodes in some simulations, from the present physics."""
         for row, scene, speed in zip(rows, scenes, track_speed, strict=True):
             route = scene.route
             self.scenes[row], self.track_speed[row] = scene, speed
@@ -194,12 +188,7 @@ class TaskState(HostArrays):
             self.memory[name][rows] = initial(self)[rows] if callable(initial) else initial
 
     def advance(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> None:
-        """Measure after a tick of the physics.
-
-        Args:
-            active: whether each simulation was stepped; None for all.
-            is_sound: whether all of them are certainly numerically stable.
-        """
+        """Measure after a tick of the physics."""
         self.previous_progress[...] = self.progress
         tick = self.tick
         np.add(tick, self._ones if active is None else active, tick)
@@ -247,9 +236,6 @@ class TaskState(HostArrays):
     def note_lead(self) -> Float[np.ndarray, " N"]:
         """Remember the bodies that are farther ahead of their tracks than a fall explains.
 
-        Returns:
-            The way up to which nothing is to be noted from now on [m].
-
         Beyond the way of its tracks a body slides, pulled by what hangs: where modules have followed the head over an
         edge, their mean is h below the highest of the body, and this loss of height pays for the work of friction over
         h / mu at most, where mu is the friction.
@@ -270,12 +256,7 @@ class TaskState(HostArrays):
         self._local[:, :, 2] = self.position[:, :, 2]
 
     def remember(self, name: str, initial: Initial) -> np.ndarray:
-        """Return an array `[N, ...]` that a term may change; in each simulation it begins anew with the episode.
-
-        Args:
-            name: unique name, best with that of the term.
-            initial: value at the start: a number, an array of one simulation, or a function state -> `[N, ...]`.
-        """
+        """Return an array `[N, ...]` that a term may change; in each simulation it begins anew with the episode."""
         if name not in self.memory:
             value = initial(self) if callable(initial) else np.asarray(initial)
             shape = value.shape if callable(initial) else (self.num, *value.shape)

@@ -23,14 +23,7 @@ _PLAIN = (str, int, float, bool, type(None))
 
 
 def describe(value: Any) -> Any:
-    """Return JSON content from which `restore` makes an equal value.
-
-    Args:
-        value: a number, text, tuple, dataclass, class or function of a module, or `functools.partial` of one.
-
-    Raises:
-        TaskError: it cannot be restored, as a lambda or a function inside another.
-    """
+    """Return JSON content from which `restore` makes an equal value."""
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, _PLAIN):
@@ -51,16 +44,7 @@ def describe(value: Any) -> Any:
 
 
 def restore(content: Any, allow: Collection[str] = ()) -> Any:
-    """Return the value of what `describe` returned.
-
-    Args:
-        content: what `describe` returned, perhaps of a file of unknown origin.
-        allow: modules and packages of the user that may be imported.
-
-    Raises:
-        TaskError: a module is not allowed, a name is not there or is neither a dataclass nor a plain function, or
-            does not take these fields.
-    """
+    """Return the value of what `describe` returned."""
     if isinstance(content, list):
         return tuple(restore(each, allow) for each in content)
     if not isinstance(content, dict):

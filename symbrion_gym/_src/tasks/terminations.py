@@ -148,13 +148,7 @@ class Stuck:
 def make_terminations(
     stuck_time: float = 15.0, stuck_progress: float | None = None, **others: Termination
 ) -> tuple[Termination, ...]:
-    """Return the usual terminations: rolled over, fell, and stuck.
-
-    Args:
-        stuck_time: see `Stuck` [s].
-        stuck_progress: see `Stuck` [m].
-        others: further ones, which come before "stuck".
-    """
+    """Return the usual terminations: rolled over, fell, and stuck."""
     return (
         Termination("rolled_over", RolledOver()),
         Termination("fell", FellOff()),

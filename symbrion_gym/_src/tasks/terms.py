@@ -35,11 +35,7 @@ class Goal(Protocol):
     """
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
-        """Find the way from the start on the map.
-
-        Raises:
-            ArenaError: the arena does not have what the goal needs; the message says what.
-        """
+        """Find the way from the start on the map."""
         ...
 
     def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:

@@ -41,11 +41,7 @@ class FarEnd(PassFinish):
             raise TaskError(f"share must be above 0, up to 1, got {self.share!r}")
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
-        """Find the straight way over the ground and where it ends.
-
-        Raises:
-            ArenaError: there is no way long enough for the organism.
-        """
+        """Find the straight way over the ground and where it ends."""
         bare = replace(arena, course=None)
         route = find_route(bare, organism, start.place, self.place, self.margins, self.pit_search)
         tail = -min(pose.x for pose in organism.find_poses())
@@ -68,12 +64,6 @@ def make_traverse(
 
     Success: every corner of every module past a share of the way to the far end, upright, on the ground, the body no
     faster than its tracks, for 0.3 s.
-
-    Args:
-        share: share of the way to the far end of the ground, a wall or a drop.
-        start: "floor": where the way begins; or (x, y) [m].
-        goal: (x, y) that the head has to reach [m]; None for the far end.
-        terms: fields of `UsualTerms`, such as `duration`.
     """
     usual = UsualTerms(**{"duration": 120.0, **terms})
     return usual.make_task("traverse", Start(start), FarEnd(goal, share=share))

@@ -41,17 +41,7 @@ class UsualTerms:
     def make_task(
         self, name: str, start: Start, goal: Goal, terminations: tuple[Termination, ...] | None = None
     ) -> Task:
-        """Return a task with these terms.
-
-        Args:
-            name: its name.
-            start: where a body starts.
-            goal: what arriving means.
-            terminations: what ends an episode; None for `make_terminations`.
-
-        Raises:
-            TaskError: a number is out of range.
-        """
+        """Return a task with these terms."""
         rewards = make_rewards(self.forward_weight, self.success_bonus, self.effort_weight, self.failure_cost)
         return Task(
             name=name,

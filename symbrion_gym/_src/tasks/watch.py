@@ -108,12 +108,7 @@ class Watch:
                 self._join_limits(measure)
 
     def look(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> bool:
-        """Find what happened in a tick; return whether any episode ended.
-
-        Args:
-            active: whether each simulation was stepped; None for all.
-            is_sound: whether all simulations are certainly numerically stable.
-        """
+        """Find what happened in a tick; return whether any episode ended."""
         np.greater_equal(self._state.measures, self._limits, out=self._seen)
         seen = self._seen.tobytes()
         is_quiet = is_sound and seen == self._quiet
@@ -134,13 +129,7 @@ class Watch:
     def _judge(
         self, active: Bool[np.ndarray, " N"], called: Sequence[int], found: Sequence[tuple[int, np.ndarray]]
     ) -> bool:
-        """Find which episodes ended, and how.
-
-        Args:
-            active: whether each simulation was stepped.
-            called: terms that were called.
-            found: what terminations returned, with their numbers.
-        """
+        """Find which episodes ended, and how."""
         state, flags = self._state, self.flags
         failed, is_over, is_cut = self._join_ends(found, active)
         success = self._hold(~failed & active, self._goal_index in called)

@@ -26,21 +26,7 @@ def make_route(
     pit: tuple[float, float, float] | None = None,
     margins: RouteMargins | None = None,
 ) -> Route:
-    """Make the route along a way to what was found on it.
-
-    Args:
-        arena: arena of the way.
-        organism: who goes there; its tail needs room on the way.
-        way: the way.
-        start: "floor": before the foot; "pit": before the pit; or a place, at which the organism heads as the way does.
-        foot: where the climb or the gap begins [m].
-        finish: what every module has to pass [m].
-        pit: near edge, far edge and floor [m], if there is one.
-        margins: distances from foot, pit and rim; None for the defaults.
-
-    Raises:
-        ArenaError: there is no room at the start, or the start lies off the surface or beyond the finish.
-    """
+    """Make the route along a way to what was found on it."""
     margins = margins or RouteMargins()
     reach, place = organism.scout.arm_reach, start.place
     lateral = way.lateral

@@ -83,14 +83,7 @@ class Spans(NamedTuple):
 def find_spans(
     grid: Grid, pieces: list[trimesh.Trimesh], height_field: HeightField | None, crack: float
 ) -> Spans:
-    """Return what is solid along the vertical lines through the centers of cells.
-
-    Args:
-        grid: the cells.
-        pieces: convex solids.
-        height_field: ground besides; it is solid below.
-        crack: gaps up to this width are none [m].
-    """
+    """Return what is solid along the vertical lines through the centers of cells."""
     cell, low, high = _find_intervals(grid, pieces, crack)
     if height_field is not None:
         ground = find_crossings(grid, np.asarray(height_field.as_mesh().triangles))
@@ -144,11 +137,6 @@ def find_walls(grid: Grid, pieces: list[trimesh.Trimesh], slope: float) -> Sorte
     """Return heights of points all over the steep faces of pieces, in their cells.
 
     Walls thinner than a cell lie between the lines through the centers, where `find_spans` does not see them.
-
-    Args:
-        grid: the cells.
-        pieces: convex solids.
-        slope: faces that are steeper count [rad].
     """
     points = [np.zeros((0, 3))]
     if pieces:

@@ -89,11 +89,7 @@ class TraversabilityMap:
         return SortedHeights(self.cell, self.height)
 
     def find_graph(self, is_used: Bool[np.ndarray, " P"] | None = None) -> csr_matrix:
-        """Return the links between places as a graph of lengths [m].
-
-        Args:
-            is_used: only links between these; None for all.
-        """
+        """Return the links between places as a graph of lengths [m]."""
         return _make_graph(self.grid, self.links, self.height, is_used)
 
     def as_dict(self) -> dict[str, Any]:
@@ -132,16 +128,6 @@ def find_traversability(
     """Map where a body can drive.
 
     Equal arenas give equal maps, to the bit.
-
-    Args:
-        surface: the exact surface; its faces look to the free side.
-        pieces: convex solids of the contact geometry.
-        height_field: ground besides.
-        footprint: what the body needs; None for one Scout.
-        config: how ground is found; None for the defaults.
-
-    Raises:
-        ArenaError: there is neither a piece nor a height field, or no surface.
     """
     footprint, config = footprint or Footprint(), config or TraversabilityConfig()
     if not len(surface.faces) or (not pieces and height_field is None):

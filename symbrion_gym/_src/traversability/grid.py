@@ -62,14 +62,7 @@ class Grid(NamedTuple):
 def make_grid(
     low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], cell: float, max_cells: int
 ) -> Grid:
-    """Return a grid over a rectangle; its cells are wider than `cell` where there would be too many.
-
-    Args:
-        low: (x, y) of one corner [m].
-        high: (x, y) of the other [m].
-        cell: edge of a cell [m].
-        max_cells: largest number of cells, about.
-    """
+    """Return a grid over a rectangle; its cells are wider than `cell` where there would be too many."""
     extent = np.maximum(np.asarray(high, dtype=np.float64) - low, cell)
     cell = max(cell, float(np.sqrt(np.prod(extent) / max_cells)))
     shape = np.maximum(np.ceil(extent / cell - _ROUNDING).astype(np.int64), 1)
@@ -92,13 +85,7 @@ class Crossings(NamedTuple):
 
 
 def find_crossings(grid: Grid, corners: Float[np.ndarray, "T 3 3"], margin: float = 0.0) -> Crossings:
-    """Return where vertical lines through the centers of cells meet triangles, triangle by triangle.
-
-    Args:
-        grid: the cells.
-        corners: corners of the triangles [m]; vertical ones are met by none.
-        margin: triangles are this much larger all around [m].
-    """
+    """Return where vertical lines through the centers of cells meet triangles, triangle by triangle."""
     margin = max(margin, _ROUNDING)
     first, last = (
         np.clip(rounded.astype(np.int64), [0, 0], np.asarray(grid.shape) - 1 + shift)

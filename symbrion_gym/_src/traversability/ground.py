@@ -47,13 +47,7 @@ def find_ground(grid: Grid, places: Places) -> Ground:
 def keep_upright(
     links: Int[np.ndarray, "P 8"], gradient: Float[np.ndarray, "P 2"], body: Footprint
 ) -> Int[np.ndarray, "P 8"]:
-    """Return the links on which a body leans to its side by no more than it may, at either end; else -1.
-
-    Args:
-        links: those along which it can drive.
-        gradient: rise of the ground along x and y; nan where it is unknown.
-        body: how far it may lean.
-    """
+    """Return the links on which a body leans to its side by no more than it may, at either end; else -1."""
     ways = np.array(DIRECTIONS) / np.hypot(*np.transpose(DIRECTIONS))[:, None]
     aside = np.abs(np.nan_to_num(gradient) @ np.stack([-ways[:, 1], ways[:, 0]]))
     leans = np.maximum(aside, aside[links, np.arange(len(DIRECTIONS))]) > np.tan(body.max_roll)
@@ -124,14 +118,6 @@ def find_rims(
 
     A wall fills its cell as far as is known, and so does ground that is too steep, so that it is half a cell away.
     Ground that ends may end anywhere in between, so that its distance is 0.
-
-    Args:
-        grid: the cells.
-        places: the places.
-        links: those along which the body can drive.
-        spans: what is solid.
-        walls: points of walls.
-        body: its height and the step that it climbs.
     """
     distance = np.full(len(links), np.inf)
     solid = SortedHeights(spans.cell, spans.high)

@@ -41,15 +41,7 @@ class Places(NamedTuple):
 def find_places(
     grid: Grid, spans: Spans, surface: trimesh.Trimesh, height: float, surface_distance: float
 ) -> Places:
-    """Return the places where something of some height could stand.
-
-    Args:
-        grid: the cells.
-        spans: what is solid.
-        surface: its faces look to the free side.
-        height: free height that is needed [m].
-        surface_distance: ground has surface that looks up within this distance [m].
-    """
+    """Return the places where something of some height could stand."""
     is_free = spans.clearance >= height
     cell, top, clearance = spans.cell[is_free], spans.high[is_free], spans.clearance[is_free]
     is_ground = _looks_up(grid, cell, top, surface, surface_distance)

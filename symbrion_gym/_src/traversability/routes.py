@@ -106,20 +106,6 @@ def find_driving_route(
     """Find a route over drivable ground; what is not given is chosen.
 
     Without start and goal, they are two places of the largest region that are far apart, with room around them.
-
-    Args:
-        ground: where the body can drive.
-        start: (x, y) or (x, y, z) [m]. Without z, of several storeys the one in the larger region.
-        goal: likewise.
-        name: name of the arena, for messages.
-        config: how the route is chosen; None for the defaults.
-        find_seen: tells which places the scanner saw: start and goal are chosen among them, if there are any in the
-            region; None where that is unknown.
-        friction: sliding friction of the ground at every place of the map; None where it is the same everywhere.
-
-    Raises:
-        ArenaError: there is no drivable ground or too little, a given place is not drivable, or there is no way between
-            both; the message names the nearest place that is possible.
     """
     config = config or RouteConfig()
     if not ground.num_regions:
@@ -156,19 +142,7 @@ def find_drivable_place(
     config: RouteConfig | None = None,
     region: int | None = None,
 ) -> int:
-    """Return the number of the drivable place at (x, y) or (x, y, z).
-
-    Args:
-        ground: where the body can drive.
-        what: what the place is, for messages.
-        place: (x, y) or (x, y, z) [m].
-        name: name of the arena, for messages.
-        config: how far a place may be moved; None for the defaults.
-        region: the place must lie in this region; None for any.
-
-    Raises:
-        ArenaError: it is no place, or not drivable; the message names the nearest place that is.
-    """
+    """Return the number of the drivable place at (x, y) or (x, y, z)."""
     config = config or RouteConfig()
     point = read_place(what, place)
     is_usable = ground.is_drivable if region is None else ground.region == region
@@ -193,11 +167,7 @@ def find_drivable_place(
 
 
 def read_place(what: str, place: Place) -> Float[np.ndarray, " d"]:
-    """Return (x, y) or (x, y, z) [m] as an array.
-
-    Raises:
-        ArenaError: it is neither.
-    """
+    """Return (x, y) or (x, y, z) [m] as an array."""
     try:
         point = np.asarray(place, dtype=np.float64).ravel()
     except (TypeError, ValueError):

@@ -24,16 +24,6 @@ def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name
     """Return the number of the place on the ground at (x, y) or (x, y, z), drivable or not.
 
     Without z, of several storeys it is that in the largest region, else the highest.
-
-    Args:
-        ground: the map.
-        what: what the place is, for messages.
-        place: (x, y) or (x, y, z) [m].
-        name: name of the arena, for messages.
-        storey: a given z is that of ground no farther above or below than this [m].
-
-    Raises:
-        ArenaError: there is no ground at the place, or none anywhere; the message names the nearest place with ground.
     """
     point = read_place(what, place)
     if not len(ground.cell):
@@ -61,13 +51,7 @@ def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name
 def find_straight_way(
     ground: TraversabilityMap, is_usable: Bool[np.ndarray, " P"], num_anchors: int = 32
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None:
-    """Return both ends of about the longest straight way over usable places, to larger x; None where there is none.
-
-    Args:
-        ground: the map.
-        is_usable: places that the way may cross.
-        num_anchors: number of places through which ways are tried, in 36 directions each.
-    """
+    """Return both ends of about the longest straight way over usable places, to larger x; None where there is none."""
     usable = np.flatnonzero(is_usable)
     if not len(usable):
         return None
@@ -83,13 +67,7 @@ def find_straight_way(
 def find_straight_way_from(
     ground: TraversabilityMap, is_usable: Bool[np.ndarray, " P"], start: int
 ) -> Float[np.ndarray, " 3"]:
-    """Return the end of the longest straight way over usable places from a place; the place itself for none.
-
-    Args:
-        ground: the map.
-        is_usable: places that the way may cross.
-        start: number of the place.
-    """
+    """Return the end of the longest straight way over usable places from a place; the place itself for none."""
     angles = np.arange(2 * _NUM_DIRECTIONS) * np.pi / _NUM_DIRECTIONS
     ends = _march(ground, is_usable, np.full(len(angles), start), angles)
     reached = np.linalg.norm((ends - ground.positions[start])[:, :2], axis=1)

@@ -103,11 +103,7 @@ class WarpBatch:
         return self._host[name]
 
     def expand(self, name: str) -> np.ndarray:
-        """Return the values of a field of the model in every simulation; `write_field` passes on what was written.
-
-        Raises:
-            OptionError: the field is one of which all simulations share the values.
-        """
+        """Return the values of a field of the model in every simulation; `write_field` passes on what was written."""
         if name not in VARIED:
             raise OptionError(f"{name} is the same in all worlds of Warp; there are: {', '.join(VARIED)}")
         if name not in self._fields:
@@ -122,14 +118,7 @@ class WarpBatch:
         columns: Int[np.ndarray, " K"],
         values: Float[np.ndarray, "R K"],
     ) -> None:
-        """Write a part of a field of the model on the device.
-
-        Args:
-            name: one of `VARIED`.
-            rows: the simulations.
-            columns: entries of the flattened field of a simulation.
-            values: their values.
-        """
+        """Write a part of a field of the model on the device."""
         self._write(getattr(self._model, name), rows, columns, values)
 
     def _write(self, array: Any, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:
@@ -180,10 +169,6 @@ class WarpBatch:
 
         Sensors with an interval are read once, in the first physics step: a clock of single precision that adds up the
         steps of an episode would miss the intervals.
-
-        Args:
-            active: which simulations; None for all.
-            nstep: number of physics steps.
         """
         if active is not None:
             self._is_stale |= ~active

@@ -23,20 +23,7 @@ ARRAYS = ("numpy", "jax", "torch")
 def make_vector_env(
     num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", **options: Any
 ) -> OrganismVectorEnv | DeviceVectorEnv | StretchedVectorEnv:
-    """Make a vector environment.
-
-    Args:
-        num_envs: number of simulations.
-        backend: "mujoco": MuJoCo's C engine, on threads; "warp": MuJoCo Warp, on a GPU.
-        array: "numpy"; with "warp" also "jax" or "torch": observations, rewards, endings and automatic resets then
-            stay on the device.
-        options: those of `OrganismVectorEnv`, of `WarpVectorEnv`, or of `DeviceVectorEnv`; several `stretches` with
-            arrays on the device make a `StretchedVectorEnv`.
-
-    Raises:
-        OptionError: there is no such engine, or an option is unknown or out of range.
-        MissingExtraError: the engine needs an extra that is not installed.
-    """
+    """Make a vector environment."""
     check_choice("backend", backend, ENGINES, OptionError)
     check_choice("array", array, ARRAYS, OptionError)
     if backend == "mujoco" and array != "numpy":

@@ -11,11 +11,7 @@ from symbrion_gym._src.errors import OptionError
 
 
 def import_warp() -> tuple[Any, Any]:
-    """Return the modules `warp` and `mujoco_warp`, which print nothing from now on.
-
-    Raises:
-        MissingExtraError: the extra `gpu` is not installed.
-    """
+    """Return the modules `warp` and `mujoco_warp`, which print nothing from now on."""
     require_extras("backend 'warp'", "gpu")
     import warp
 
@@ -26,15 +22,7 @@ def import_warp() -> tuple[Any, Any]:
 
 
 def find_device(warp: Any, name: str | None) -> Any:
-    """Return a device of Warp.
-
-    Args:
-        warp: the module.
-        name: "cpu", "cuda", "cuda:0" and so on; None: the first GPU, and the processor where there is none.
-
-    Raises:
-        OptionError: there is no such device.
-    """
+    """Return a device of Warp."""
     known = {each.alias: each for each in warp.get_devices()}
     if name is None:
         name = next((alias for alias in known if alias.startswith("cuda")), "cpu")

@@ -92,11 +92,7 @@ class Arena(SeededCommand):
             require_writable_file(self.picture, "--picture", (".png",))
 
     def _check_mesh(self) -> None:
-        """Refuse points, which have no surface, and a frame for a reconstruction, which knows its own.
-
-        Raises:
-            UsageError: it names the command that helps.
-        """
+        """Refuse points, which have no surface, and a frame for a reconstruction, which knows its own."""
         if not 0 < self.scale < math.inf:
             raise UsageError(f"--scale {self.scale} is not a factor; give a number above 0")
         from symbrion_gym._src.arenas.surface_file import check_has_surface
@@ -112,11 +108,7 @@ class Arena(SeededCommand):
             )
 
     def _check_objects(self) -> None:
-        """Refuse objects without a scan, and files that are not there.
-
-        Raises:
-            UsageError: naming the option.
-        """
+        """Refuse objects without a scan, and files that are not there."""
         if bool(self.object) != (self.scan is not None):
             raise UsageError("--object and --scan belong together: give both or none")
         for name, path in self._list_object_files().items():
@@ -183,11 +175,7 @@ class Arena(SeededCommand):
         )
 
     def _place_objects(self, arena: "sg.Arena", progress: "rc.Progress") -> "sg.Arena":
-        """Return the arena with the objects found in the scan.
-
-        Raises:
-            ScanError: a file cannot be read.
-        """
+        """Return the arena with the objects found in the scan."""
         if self.scan is None:
             return arena
         meshes = {name: rc.load_mesh(path) for name, path in self._list_object_files().items()}
@@ -200,11 +188,7 @@ class Arena(SeededCommand):
         )
 
     def _list_object_files(self) -> dict[str, Path]:
-        """Return name -> file of the objects.
-
-        Raises:
-            UsageError: two have one name.
-        """
+        """Return name -> file of the objects."""
         files: dict[str, Path] = {}
         for each in self.object:
             name, _, path = each.rpartition("=")

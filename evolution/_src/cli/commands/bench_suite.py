@@ -58,11 +58,7 @@ class BenchSuite(TrustingCommand):
             raise UsageError(f"--budget {self.budget} is not above 0, up to 1e6 s")
 
     def run(self, console: Console) -> dict[str, Any]:
-        """Do what the action says.
-
-        Raises:
-            RunError: a submission is damaged or breaks a rule of its task, or there is no such task.
-        """
+        """Do what the action says."""
         actions = {"list": self._list, "run": self._run, "verify": self._verify, "board": self._board}
         return actions[self.action](console)
 

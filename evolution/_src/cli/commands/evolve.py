@@ -130,11 +130,7 @@ class Evolve(SeededCommand):
         return describe_interruption(self.folder)
 
     def make_config(self) -> "ev.EvolutionConfig":
-        """Return the configuration of the run.
-
-        Raises:
-            UsageError: a value is refused.
-        """
+        """Return the configuration of the run."""
         fields = self._list_common() | {
             "body_lengths": self.body_lengths,
             "organism": self.organism,
@@ -150,11 +146,7 @@ class Evolve(SeededCommand):
         return _make(ev.EvolutionConfig, fields)
 
     def make_bodies_config(self) -> "ev.BodyEvolutionConfig":
-        """Return the configuration of a search for bodies.
-
-        Raises:
-            UsageError: a value is refused, or an option has no meaning where bodies are searched.
-        """
+        """Return the configuration of a search for bodies."""
         for name in ("modules", "body_lengths", "organism", "stages", "tensorboard"):
             value = getattr(self, name)
             if value:
@@ -223,11 +215,7 @@ def read_environment(pairs: tuple[tuple[str, str], ...]) -> dict[str, Any]:
 
 
 def _make(kind: Callable[..., Any], fields: dict[str, Any]) -> Any:
-    """Return a configuration.
-
-    Raises:
-        UsageError: a value is refused; the message begins with the flag and what was given.
-    """
+    """Return a configuration."""
     try:
         return kind(**fields)
     except ev.RunError as error:

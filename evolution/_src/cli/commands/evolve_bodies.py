@@ -38,19 +38,7 @@ def make_bodies_config(
     iterations: int | None,
     children: int | None,
 ) -> ev.BodyEvolutionConfig:
-    """Return the configuration of the options of `symbrion evolve --bodies`.
-
-    Args:
-        fields: those of both kinds of search, by the names of the configuration.
-        bodies: smallest and largest number of modules, or the one number of all.
-        algorithm: of the search.
-        max_seconds: limit on the simulated time [s].
-        iterations: limit on the iterations; None for the default.
-        children: new bodies of an iteration; None for the default.
-
-    Raises:
-        UsageError: a value is refused.
-    """
+    """Return the configuration of the options of `symbrion evolve --bodies`."""
     smallest, largest = _read_sizes(bodies)
     if fields["backend"] not in EXACT_BACKENDS:
         raise UsageError(f"--backend {fields['backend']}: --bodies needs one of {', '.join(EXACT_BACKENDS)}")
@@ -88,11 +76,7 @@ def name_flag(message: str, fields: Mapping[str, Any]) -> str:
 
 
 def _read_sizes(bodies: tuple[int, ...]) -> tuple[int, int]:
-    """Return the smallest and the largest number of modules.
-
-    Raises:
-        UsageError: there are more than two numbers, or they are out of range.
-    """
+    """Return the smallest and the largest number of modules."""
     if len(bodies) not in (1, 2) or not 1 <= bodies[0] <= bodies[-1] <= MAX_MODULES:
         raise UsageError(
             f"--bodies {' '.join(map(str, bodies))}: give the smallest and the largest number of modules, 1 to "

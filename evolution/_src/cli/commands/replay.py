@@ -64,11 +64,7 @@ class Replay(SeededCommand, TrustingCommand):
             raise UsageError(f"--films {self.films} is negative; give 0 or more")
 
     def run(self, console: Console) -> dict[str, Any]:
-        """Judge, record and show the champion.
-
-        Raises:
-            RunError: the run is damaged, or has no champion yet.
-        """
+        """Judge, record and show the champion."""
         if self.video is not None:
             require_extras("`symbrion replay --video`", "report")
         if self.page is not None:

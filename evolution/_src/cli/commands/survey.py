@@ -92,11 +92,7 @@ class Survey(SeededCommand):
 
 
 def read_path(text: str) -> Float[np.ndarray, "W 2"]:
-    """Read waypoints from "X,Y X,Y ..." or from a file of them [m].
-
-    Raises:
-        UsageError: there are fewer than two, or they are not pairs of finite numbers, or all the same.
-    """
+    """Read waypoints from "X,Y X,Y ..." or from a file of them [m]."""
     file = Path(text.strip())
     try:
         if file.name.lower().endswith(PATH_ENDINGS):

@@ -67,11 +67,7 @@ class View(SeededCommand):
             raise UsageError("no display for MuJoCo's viewer; give --picture FILE.png to draw the arena")
 
     def run(self, console: Console) -> dict[str, Any]:
-        """Show or draw the arena.
-
-        Raises:
-            MissingExtraError: a picture is wanted and the extra is not installed.
-        """
+        """Show or draw the arena."""
         if self.picture is not None:
             require_extras("`symbrion view --picture`", "report")
         with console.track(f"Arena {self.arena}"):

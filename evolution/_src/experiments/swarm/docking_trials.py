@@ -77,14 +77,7 @@ def run_docking_trials(
     seed: int = 0,
     progress: Progress = silent,
 ) -> DockingTimes:
-    """Run trials from start positions, all at once and out of each other's hearing, on level ground.
-
-    Args:
-        positions: start position of each trial, 1 to 5.
-        setup: start conditions and parameters; None for the defaults.
-        seed: of all noise.
-        progress: called with the share of the longest time.
-    """
+    """Run trials from start positions, all at once and out of each other's hearing, on level ground."""
     setup, count = setup or TrialSetup(), len(positions)
     world = KinematicWorld(_make_floor(count), 2 * count, make_scout())
     world.reset(_place(positions, setup, np.random.default_rng((seed, 5))), seed)

@@ -27,15 +27,7 @@ def film_story(
     crossing: tuple[float, float] | None,
     progress: Progress = silent,
 ) -> list[UInt8[np.ndarray, "H W 3"]]:
-    """Return the frames of a story.
-
-    Args:
-        track: of the story.
-        arena: of the story.
-        field: the way across the pit.
-        crossing: when the organism set out and was across [s]; None for never.
-        progress: called with the share of the frames.
-    """
+    """Return the frames of a story."""
     camera = SwarmCamera(arena, track.position.shape[1], field.route.heading)
     moments = choose_moments(track, crossing)
     frames = []
@@ -56,15 +48,7 @@ def encode_film(
     crossing: tuple[float, float] | None,
     progress: Progress = silent,
 ) -> bytes | None:
-    """Return the film of a story as MP4; None, and a warning, where OpenGL cannot be used.
-
-    Args:
-        track: of the story.
-        arena: of the story.
-        field: the way across the pit.
-        crossing: when the organism set out and was across [s]; None for never.
-        progress: called with the share of the frames.
-    """
+    """Return the film of a story as MP4; None, and a warning, where OpenGL cannot be used."""
     from evolution._src.report.video import encode_video
 
     try:

@@ -34,13 +34,7 @@ COLORS = {
 
 
 def draw_timeline(track: Track, field: Field, crossing: tuple[float, float] | None = None) -> Figure:
-    """Draw the behavior of every robot over time, and below where all are along the way.
-
-    Args:
-        track: of the story.
-        field: the way across the pit.
-        crossing: when the organism set out and was across [s]; None for never.
-    """
+    """Draw the behavior of every robot over time, and below where all are along the way."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 

@@ -47,15 +47,7 @@ class SwarmResult:
 
 
 def run_swarm(config: SwarmRunConfig, track: Steps) -> SwarmResult:
-    """Run all stories; those that an earlier run has told are read from the folder.
-
-    Args:
-        config: the experiment.
-        track: starts a step of the progress display.
-
-    Raises:
-        RunError: the folder holds other files or results of other options, or there is no champion.
-    """
+    """Run all stories; those that an earlier run has told are read from the folder."""
     claim_folder(config)
     arena = sg.load_arena(config.story.arena)
     rows = _read_rows(config)
@@ -87,11 +79,7 @@ def list_stories(config: SwarmRunConfig) -> list[StoryConfig]:
 
 
 def claim_folder(config: SwarmRunConfig) -> None:
-    """Write the marker, or refuse a folder that holds something else.
-
-    Raises:
-        RunError: it holds other files, or results of other options.
-    """
+    """Write the marker, or refuse a folder that holds something else."""
     refuse_foreign_files(config.folder, MARKER, OUTPUTS)
     marker = config.folder / MARKER
     about = {**config.story.describe(), "champion": None if config.champion is None else str(config.champion)}
@@ -108,11 +96,7 @@ def claim_folder(config: SwarmRunConfig) -> None:
 
 
 def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
-    """Return the champion that crosses: a given one, or one that evolves in the arena; its run can be resumed.
-
-    Raises:
-        RunError: it has another body than a snake of as many robots, or there is none.
-    """
+    """Return the champion that crosses: a given one, or one that evolves in the arena; its run can be resumed."""
     count = config.story.num_robots
     if config.champion is not None:
         champion = restore(load_champion(config.champion), config.allow)

@@ -75,14 +75,7 @@ class Story:
 def tell_story(
     config: StoryConfig, arena: Arena, champion: Champion | None, progress: Progress = silent
 ) -> Story:
-    """Run a story from the scattered start to the end.
-
-    Args:
-        config: the story.
-        arena: its arena.
-        champion: of a snake of as many robots; needed where they dock.
-        progress: called with the share of the longest time.
-    """
+    """Run a story from the scattered start to the end."""
     field = find_field(arena, config.num_robots)
     swarm = _begin(config, arena, field)
     gathered = _gather(swarm, config, progress)
@@ -107,13 +100,7 @@ def tell_story(
 
 
 def find_gathering_time(config: StoryConfig, arena: Arena, progress: Progress = silent) -> float:
-    """Return when the organism of a story is whole [s]; nan if it is not within `gather_time`.
-
-    Args:
-        config: the story.
-        arena: its arena.
-        progress: called with the share of the longest time.
-    """
+    """Return when the organism of a story is whole [s]; nan if it is not within `gather_time`."""
     return _gather(_begin(config, arena, find_field(arena, config.num_robots)), config, progress)
 
 

@@ -79,10 +79,6 @@ def evolve_weights(config: WeightsConfig, progress: Progress = silent) -> Weight
 
     Pairs stand for the assembly: many of them are simulated at once, and their times vary less from seed to seed than
     those of whole swarms. Whether a swarm of many robots gains as well is for `find_gathering_time` to judge.
-
-    Args:
-        config: of the search.
-        progress: called with the share of the generations.
     """
     names, count = config.names, len(config.names)
     start = tuple(config.base.to_genotype(names).tolist())
@@ -107,11 +103,6 @@ def find_docking_times(
     """Return the mean times that pairs of robots take to dock [s]; one that does not counts as `duration`.
 
     The pairs of all candidates are simulated at once.
-
-    Args:
-        weights: of the behaviors, one each candidate.
-        config: number and length of the trials.
-        seed: of their noise.
     """
     positions = np.tile(1 + np.arange(config.pairs) % START_POSITIONS, len(weights))
     stacked = BehaviorWeights.stack(weights, 2 * config.pairs)

@@ -35,13 +35,7 @@ class CoverConfig:
 def find_covered_cells(
     units: Float[np.ndarray, "R C 3"], points: Float[np.ndarray, "N 3"], config: CoverConfig
 ) -> Bool[np.ndarray, "R-1 C-1"]:
-    """Return which cells belong to the surface: not those drawn out over a hole without points.
-
-    Args:
-        units: positions.
-        points: what they have learned from.
-        config: when a cell lies over a hole.
-    """
+    """Return which cells belong to the surface: not those drawn out over a hole without points."""
     down = find_lengths(np.diff(units, axis=0))
     across = find_lengths(np.diff(units, axis=1))
     sides = np.stack([down[:, :-1], down[:, 1:], across[:-1], across[1:]])

@@ -167,14 +167,7 @@ class State(NamedTuple):
 def train(
     points: Float[np.ndarray, "N 3"], config: GrowingGridConfig, seed: int = 0, progress: Progress = silent
 ) -> State:
-    """Grow a grid of 2 x 2 units over the points.
-
-    Args:
-        points: finite positions [m], N >= units.
-        config: how.
-        seed: seed of the order of the signals.
-        progress: receives how far the work is.
-    """
+    """Grow a grid of 2 x 2 units over the points."""
     return _train(points, config, seed, progress, None)
 
 
@@ -189,14 +182,6 @@ def train_again(
     """Train a grid on other points: the units that have not changed stay where they are.
 
     Where the sheet cannot reach all points so, and in paper mode, it is grown from 2 x 2 units again.
-
-    Args:
-        state: the grid.
-        is_changed: units that learn again.
-        points: finite positions [m], the old ones that are still valid and the new ones.
-        config: how.
-        seed: seed of the order of the signals.
-        progress: receives how far the work is.
     """
     is_free = widen(state.faces, is_changed, _FREE_RINGS).reshape(state.units.shape[:2])
     if config.mode == "batch":
@@ -287,14 +272,7 @@ def _grow(
     config: GrowingGridConfig,
     progress: Progress,
 ) -> Float[np.ndarray, "R C 3"]:
-    """Grow from 2 x 2 to the wanted number of units.
-
-    Args:
-        points: in random order.
-        sort: returns the first of them, as many as asked for, in tiles.
-        config: how.
-        progress: receives how far the work is.
-    """
+    """Grow from 2 x 2 to the wanted number of units."""
     wanted = config.wanted_units
     first = sort(choose_num_samples(len(points), 1))
     units, counts = learn(first, start_grid(points), config.start_sigma, iterations=1)

@@ -49,19 +49,7 @@ def learn(
     goal: int = 4,
     is_movable: Bool[np.ndarray, "R C"] | None = None,
 ) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
-    """Train the grid by the batch rule.
-
-    Args:
-        tiles: the samples.
-        units: float32 positions.
-        sigma: width of the neighborhood in grid steps.
-        iterations: how many batch steps.
-        goal: about R C; together with the number of samples it determines all array shapes.
-        is_movable: which units may move; all if absent.
-
-    Returns:
-        Units, and how many samples each wins.
-    """
+    """Train the grid by the batch rule."""
     capacity = max(find_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
     padded, candidates = _pad(units, tiles, capacity)
     moved, counts = _learn(
@@ -99,19 +87,7 @@ def fit_grid(
     goal: int,
     is_movable: Bool[np.ndarray, "R C"] | None = None,
 ) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
-    """Fit the sheet to the samples, with the moments smoothed over the grid; then unfold it.
-
-    Args:
-        tiles: the samples.
-        units: float32 positions.
-        sigmas: width of the smoothing, iteration by iteration, at most `MAX_ITERATIONS`.
-        config: configuration of the fit; lengths in grid steps.
-        goal: see `learn`.
-        is_movable: see `learn`.
-
-    Returns:
-        Units, and how many samples each wins.
-    """
+    """Fit the sheet to the samples, with the moments smoothed over the grid; then unfold it."""
     rows, columns = units.shape[:2]
     spacing = float(find_lengths(np.diff(units, axis=1)).mean())
     spacing = (spacing + float(find_lengths(np.diff(units, axis=0)).mean())) / 2
@@ -181,13 +157,7 @@ def find_capacity(goal: int) -> int:
 def _smooth(
     grid: Float[jax.Array, "capacity K"], shape: Int[jax.Array, " 2"], sigma: Float[jax.Array, ""]
 ) -> Float[jax.Array, "capacity K"]:
-    """Convolve along both axes of the grid with a Gaussian of `2 TAPS + 1` taps; nothing comes from outside.
-
-    Args:
-        grid: values, row after row; zero beyond the real units.
-        shape: rows and columns.
-        sigma: width in grid steps.
-    """
+    """Convolve along both axes of the grid with a Gaussian of `2 TAPS + 1` taps; nothing comes from outside."""
     length = grid.shape[0]
     column = jnp.arange(length) % shape[1]
     margin = TAPS * length // 2 + TAPS  # a grid has at least two rows, so at most half its units in one

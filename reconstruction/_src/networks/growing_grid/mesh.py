@@ -15,15 +15,7 @@ MAX_SPLITS = 4
 def triangulate(
     units: Float[np.ndarray, "R C 3"], has_face: Bool[np.ndarray, "R-1 C-1"]
 ) -> Int[np.ndarray, "F 3"]:
-    """Split every cell into two triangles, across the diagonal that gives the better worse triangle.
-
-    Args:
-        units: positions.
-        has_face: which cells to take.
-
-    Returns:
-        Indices into the units, row after row; consistently wound.
-    """
+    """Split every cell into two triangles, across the diagonal that gives the better worse triangle."""
     rows, columns = units.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
@@ -51,13 +43,7 @@ def unfold(
     is_movable: Bool[np.ndarray, "R C"] | None = None,
     iterations: int = MAX_UNFOLDINGS,
 ) -> Float[np.ndarray, "R C 3"]:
-    """Move interior units whose cells turn over to the mean of their four neighbors, until none does.
-
-    Args:
-        units: positions.
-        is_movable: which units may move; all if absent.
-        iterations: at most so often.
-    """
+    """Move interior units whose cells turn over to the mean of their four neighbors, until none does."""
     units = units.copy()
     for _ in range(iterations):
         is_folded = find_folded(units)[1:-1, 1:-1]
@@ -75,13 +61,7 @@ def untangle_sheet(
     has_face: Bool[np.ndarray, "R-1 C-1"],
     is_movable: Bool[np.ndarray, "R C"] | None = None,
 ) -> Float[np.ndarray, "R C 3"]:
-    """Return the units, moved where the triangles of the sheet are folded or intersect.
-
-    Args:
-        units: positions.
-        has_face: which cells belong to the surface.
-        is_movable: the other units stay; all may move if absent.
-    """
+    """Return the units, moved where the triangles of the sheet are folded or intersect."""
     for _ in range(MAX_SPLITS):
         vertices, faces = units.reshape(-1, 3), triangulate(units, has_face)
         if is_movable is None:

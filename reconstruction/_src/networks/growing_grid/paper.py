@@ -38,18 +38,7 @@ def train(
     rng: np.random.Generator,
     progress: Progress,
 ) -> Float[np.ndarray, "R C 3"]:
-    """Grow a grid of 2 x 2 units over the points, then fine-tune it; return it in float32.
-
-    Args:
-        points: float32, of unit scale.
-        wanted: units at which growth ends.
-        triangles: triangles at which it ends instead.
-        insertion: rule that places a line.
-        signals_per_unit: signals between two insertions, for each unit (lambda_g).
-        fine_signals_per_unit: signals of the fine-tuning, for each unit (lambda_f).
-        rng: draws the first units and the order of the signals.
-        progress: receives how far the work is.
-    """
+    """Grow a grid of 2 x 2 units over the points, then fine-tune it; return it in float32."""
     units = points[rng.choice(len(points), 4, replace=False)].reshape(2, 2, 3)
     while not _is_complete(units, wanted, triangles):
         number = units.shape[0] * units.shape[1]

@@ -57,14 +57,7 @@ def find_uncovered(
     faces: Int[np.ndarray, "F 3"],
     config: CompletionConfig,
 ) -> Bool[np.ndarray, " N"]:
-    """Return which samples belong to a group that no face covers.
-
-    Args:
-        samples: positions, at least `neighbors`.
-        vertices: positions.
-        faces: vertex indices, at least one.
-        config: what counts as uncovered.
-    """
+    """Return which samples belong to a group that no face covers."""
     import igl
 
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)

@@ -75,13 +75,7 @@ def make_level(tiles: Tiles, density: Density) -> Level:
 
 
 def thin_level(level: Level, wanted: int, rng: np.random.Generator) -> Level:
-    """Thin the samples evenly, to a quarter as often as at least `wanted` stay.
-
-    Args:
-        level: all samples.
-        wanted: how many samples are enough.
-        rng: draws which sample of every few stays.
-    """
+    """Thin the samples evenly, to a quarter as often as at least `wanted` stay."""
     tiles = level.tiles
     num_tiles, size = tiles.order.shape
     merged = 1
@@ -110,22 +104,7 @@ def grow(
     rng: np.random.Generator,
     num_held: int = 0,
 ) -> Float[np.ndarray, "W 3"]:
-    """Grow a map from some units to `capacity`, then settle it.
-
-    Args:
-        level: all samples.
-        units: float32 positions where to start.
-        capacity: how many units are wanted, at least U.
-        growth: by what factor one round makes the map larger.
-        samples_per_unit: how many samples a unit should have in a pass.
-        settle_passes: passes without insertion at the end.
-        split_radius: see `GSRMConfig.split_radius`.
-        rng: draws the samples of the rounds.
-        num_held: the first of the units, which stay where they are.
-
-    Returns:
-        Units in float32; fewer than `capacity` where the samples are too sparse for more.
-    """
+    """Grow a map from some units to `capacity`, then settle it."""
     num_units, num_slots = len(units), padded_length(capacity)
     slots = np.full((num_slots, 3), _NOWHERE, dtype=np.float32)
     slots[:, 0] *= 1 + np.arange(num_slots, dtype=np.float32) / num_slots
@@ -212,9 +191,6 @@ def _insert(
 
     Units that won nothing take part as if they were new. A new unit stays within the cell it relieves, so
     that it wins samples even where the worst neighbor lies beyond a gap.
-
-    Returns:
-        How many units there are now; at most `wanted`, fewer where two would come to lie in one place.
     """
     idle = num_held + np.flatnonzero(tally.counts[num_held:num_units] == 0)
     free = np.concatenate([np.arange(num_units, wanted), idle])

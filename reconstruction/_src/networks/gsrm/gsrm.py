@@ -138,18 +138,7 @@ def train(
     progress: Progress = silent,
     old: Old | None = None,
 ) -> State:
-    """Grow a map over the points.
-
-    Args:
-        points: finite positions [m], N >= units.
-        config: how.
-        seed: seed of all random numbers; equal seeds give equal maps.
-        progress: receives how far the work is.
-        old: units of a map that is trained again [m]; None for a new one.
-
-    Raises:
-        ReconstructionError: the points support no face.
-    """
+    """Grow a map over the points."""
     rng = np.random.default_rng(seed)
     center = points.mean(axis=0)
     scale = float(np.sqrt(sum_rows((points - center) ** 2).mean()))
@@ -178,19 +167,7 @@ def train_again(
     seed: int = 0,
     progress: Progress = silent,
 ) -> State:
-    """Train a map on other points: `train`, but the units that have not changed stay where they are.
-
-    Args:
-        state: the map.
-        is_changed: units that grow again.
-        points: finite positions [m], the old ones that are still valid and the new ones.
-        config: how; in paper mode the whole map is grown again.
-        seed: seed of all random numbers.
-        progress: receives how far the work is.
-
-    Raises:
-        ReconstructionError: the points support no face.
-    """
+    """Train a map on other points: `train`, but the units that have not changed stay where they are."""
     is_free = widen(state.faces.astype(np.int64), is_changed, _FREE_RINGS)
     place = np.cumsum(~is_free) - 1
     faces = place[state.faces[~is_free[state.faces].any(axis=1)]]

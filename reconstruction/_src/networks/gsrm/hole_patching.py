@@ -29,18 +29,7 @@ def patch_holes(
     support: Support,
     max_edges: int | None = None,
 ) -> tuple[Int[np.ndarray, "G 3"], Int[np.ndarray, " D"]]:
-    """Triangulate the boundary loops of at most `max_edges` edges that lie where there are samples.
-
-    Args:
-        units: positions.
-        faces: unit indices of an oriented two-manifold.
-        support: whether samples lie on a face.
-        max_edges: longer loops stay open; `TopologyConfig.max_hole_edges` if absent.
-
-    Returns:
-        An oriented two-manifold with the patches last, and which of the given faces stand in the way of loops
-        that could not be closed.
-    """
+    """Triangulate the boundary loops of at most `max_edges` edges that lie where there are samples."""
     config = support.config
     max_edges = config.max_hole_edges if max_edges is None else max_edges
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= max_edges)
@@ -69,16 +58,7 @@ def patch_holes(
 def close_tips(
     units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
 ) -> Int[np.ndarray, "G 3"]:
-    """Close what is left of longer holes, and of sharp tips and ridges, whose two sides face apart.
-
-    Args:
-        units: positions.
-        faces: unit indices of an oriented two-manifold.
-        support: whether samples lie on a face.
-
-    Returns:
-        An oriented two-manifold with the patches last.
-    """
+    """Close what is left of longer holes, and of sharp tips and ridges, whose two sides face apart."""
     config = support.config
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= config.max_tip_edges)
     if not loops:
@@ -181,15 +161,6 @@ def _triangulate(
 
     No face may use an existing edge as an inner one; faces that lie against the surface around them are
     taken only where nothing else closes the loop, and a loop that needs nothing but those stays open.
-
-    Args:
-        loop: n vertices.
-        costs: `[n, n, n]` of the triangles between its corners.
-        neighbors: neighbors of every vertex of the loop.
-        reversed_cost: cost of a face that lies against the surface around it.
-
-    Returns:
-        The faces, or none where the loop cannot be closed.
     """
     size = len(loop)
     is_chord = [[other not in neighbors[vertex] for other in loop] for vertex in loop]

@@ -58,13 +58,7 @@ class PaperMap:
     """
 
     def __init__(self, start: Float[np.ndarray, "S 3"], capacity: int, rates: Rates) -> None:
-        """Start with a few units without edges.
-
-        Args:
-            start: the first reference vectors.
-            capacity: units for which there is room at first.
-            rates: the constants.
-        """
+        """Start with a few units without edges."""
         self.rates = rates
         self.mesh = PaperMesh()
         self.positions = np.full((capacity, 3), _FAR)
@@ -156,18 +150,7 @@ def join_winners(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"], first: in
 def train(
     points: Float[np.ndarray, "N 3"], num_units: int, rng: np.random.Generator, progress: Progress
 ) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
-    """Grow a map by the literal rules, learn its topology again, patch it.
-
-    Args:
-        points: points at unit scale.
-        num_units: units wanted.
-        rng: shuffles the signals.
-        progress: receives how far the work is.
-
-    Returns:
-        Units that have a face, and faces: no edge has more than two, vertices may be pinched; consistently wound
-        as far as that is possible.
-    """
+    """Grow a map by the literal rules, learn its topology again, patch it."""
     rates = Rates()
     order = rng.permutation(len(points))
     network, place = PaperMap(points[order[:3]], num_units + _SPARE_SLOTS, rates), 3

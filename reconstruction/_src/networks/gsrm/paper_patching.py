@@ -19,12 +19,7 @@ MERGE_ANGLE = np.deg2rad(162)
 
 
 def patch_mesh(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -> None:
-    """Clean and close a mesh, in place.
-
-    Args:
-        mesh: the result of growth and topology learning.
-        positions: positions of the units.
-    """
+    """Clean and close a mesh, in place."""
     drop_incorrect_faces(mesh, positions)
     drop_incorrect_edges(mesh)
     merge_edges(mesh, positions)

@@ -32,14 +32,7 @@ class Support:
         *,
         is_uneven: bool = False,
     ) -> None:
-        """Keep the samples.
-
-        Args:
-            tree: tree of the samples.
-            spacings: distance between samples around each of the tree's.
-            config: what decides whether they support a face.
-            is_uneven: whether the cloud's density varies.
-        """
+        """Keep the samples."""
         self.config = config
         self._tree = tree
         self._spacings = np.maximum(spacings, np.finfo(float).tiny ** 0.25)  # samples may coincide
@@ -48,13 +41,7 @@ class Support:
     def measure_void(
         self, corners: Float[np.ndarray, "F 3 3"], min_cover: float | None = None
     ) -> Float[np.ndarray, " F"]:
-        """Return how much of each face is far from all samples, in squared spacings.
-
-        Args:
-            corners: positions of the faces' corners.
-            min_cover: a face over which this share of the expected samples lies has no void; that of the
-                configuration if absent.
-        """
+        """Return how much of each face is far from all samples, in squared spacings."""
         min_cover = self.config.min_cover if min_cover is None else min_cover
         places = np.einsum("pk,fki->fpi", _PLACES, corners)
         distances, nearest = self._tree.query(places)
@@ -95,12 +82,6 @@ def make_support(
 
     Where units win few samples each, the scan lines are about as far apart as the units: there a gap of two
     units' spacing is no hole yet.
-
-    Args:
-        level: all samples.
-        units: positions.
-        winners: the unit nearest to every slot.
-        config: what decides whether samples support a face.
     """
     is_used = level.weights > 0
     spacings = level.spacings

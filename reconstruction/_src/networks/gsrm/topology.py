@@ -33,14 +33,7 @@ def learn_faces(
     support: Support,
     known: Int[np.ndarray, "K 3"] | None = None,
 ) -> Int[np.ndarray, "F 3"]:
-    """Return the faces of an oriented two-manifold between the units.
-
-    Args:
-        units: positions, at least three.
-        winners: the three units nearest to each sample.
-        support: whether samples lie on a face; holes elsewhere stay open.
-        known: faces that are there already; others are joined to them.
-    """
+    """Return the faces of an oriented two-manifold between the units."""
     units = np.asarray(units, dtype=np.float64)
     faces, margin = propose_faces(units, winners, support)
     if known is not None:
@@ -80,11 +73,6 @@ def join_components(
 
     Where scan lines are far apart, the units at a boundary are not the nearest to one another. Faces between two
     boundaries of one component are left out: they make handles.
-
-    Args:
-        units: positions.
-        faces: unit indices of an oriented two-manifold.
-        support: whether samples lie on a face.
     """
     num_units = len(units)
     part = np.arange(num_units)
@@ -155,14 +143,7 @@ def finish_faces(
     quality: Float[np.ndarray, " F"],
     support: Support,
 ) -> Int[np.ndarray, "G 3"]:
-    """Return an oriented two-manifold: of conflicting faces the better stay, holes are patched.
-
-    Args:
-        units: positions.
-        faces: proposed ones.
-        quality: quality of each face, the larger the better.
-        support: whether samples lie on a patch.
-    """
+    """Return an oriented two-manifold: of conflicting faces the better stay, holes are patched."""
     faces = make_manifold(units, faces, quality)
     for _ in range(support.config.max_repairs):
         faces, obstacles = patch_holes(units, faces, support)
@@ -224,12 +205,7 @@ def find_cliques(
 def find_empty(
     units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], edges: Int[np.ndarray, "E 2"]
 ) -> tuple[Int[np.ndarray, " G"], Float[np.ndarray, " G"]]:
-    """Find the faces whose circumscribed ball contains no neighbor of a corner.
-
-    Returns:
-        Which faces, and how empty each ball is: squared distance of the nearest neighbor to the center over the
-        squared radius, at least 1.
-    """
+    """Find the faces whose circumscribed ball contains no neighbor of a corner."""
     table = _tabulate_neighbors(edges, len(units))
     neighbors = units[table].astype(np.float32)
     centers, squared_radii = find_circumcenters(units[faces])

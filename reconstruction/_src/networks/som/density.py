@@ -85,14 +85,7 @@ class Density(NamedTuple):
 def measure_density(
     samples: Float[np.ndarray, "N 3"], tree: cKDTree, rng: np.random.Generator, config: DensityConfig
 ) -> Density:
-    """Measure the spacing of the samples and find outliers.
-
-    Args:
-        samples: positions.
-        tree: tree of the samples, or of the samples and a few repetitions.
-        rng: draws the probes.
-        config: how.
-    """
+    """Measure the spacing of the samples and find outliers."""
     num_samples = len(samples)
     near = min(config.near, num_samples - 1)
     probes = samples[rng.integers(0, num_samples, config.num_probes)]
@@ -146,14 +139,7 @@ def _reach_beyond_lines(
     neighbors: Int[np.ndarray, "N K"],
     config: DensityConfig,
 ) -> Float[np.ndarray, " N"]:
-    """Return how far it is to the farthest neighbor; where all lie on one scan line, among fewer samples.
-
-    Args:
-        samples: positions.
-        reach: distance to the farthest neighbor.
-        neighbors: indices.
-        config: when neighbors lie on one line.
-    """
+    """Return how far it is to the farthest neighbor; where all lie on one scan line, among fewer samples."""
     is_lined = _is_line(samples[neighbors], config)
     is_found = np.zeros(len(samples), dtype=bool)
     reach, stride = reach.copy(), 1

@@ -53,12 +53,7 @@ class Tiles(NamedTuple):
 
 
 def make_tiles(samples: Float[np.ndarray, "N 3"], tile_size: int = TILE_SIZE) -> Tiles:
-    """Halve the samples across their longest extent until at most `tile_size` share a tile.
-
-    Args:
-        samples: positions, N >= 1.
-        tile_size: the most samples in a tile.
-    """
+    """Halve the samples across their longest extent until at most `tile_size` share a tile."""
     samples = np.ascontiguousarray(samples, dtype=np.float32)
     num_samples, num_tiles = len(samples), 1
     while num_samples > tile_size * num_tiles:
@@ -107,12 +102,7 @@ def choose_num_candidates(num_samples: int, num_units: int, k: int) -> int:
 def find_candidates(
     tiles: Tiles, units: Float[np.ndarray, "U 3"], num_candidates: int
 ) -> tuple[Int[np.ndarray, "T C"], Float[np.ndarray, " T"]]:
-    """Find the units nearest to each tile's center.
-
-    Returns:
-        Their int32 indices, nearest first, and how far the list reaches: every unit nearer to the center than that
-        is in it (infinite where all units are).
-    """
+    """Find the units nearest to each tile's center."""
     distances, candidates = cKDTree(units).query(tiles.centers, k=num_candidates)
     candidates = candidates.reshape(len(tiles.centers), num_candidates).astype(np.int32)
     reach = distances.reshape(len(tiles.centers), num_candidates)[:, -1]
@@ -126,18 +116,7 @@ def search_tiles(
     candidates: Int[jax.Array, "T C"],
     k: int,
 ) -> tuple[Int[jax.Array, "T S k"], Float[jax.Array, "T S k"]]:
-    """Find each sample's k nearest among its tile's candidates.
-
-    Args:
-        samples: float32 positions.
-        units: float32 positions; slots that no candidate names are never read.
-        candidates: int32 indices, C <= 128.
-        k: how many winners, at most C.
-
-    Returns:
-        int32 winners, nearest first (equal within 2e-5 of the squared distance: in the order of the list), and
-        their squared distances, cut off by as much.
-    """
+    """Find each sample's k nearest among its tile's candidates."""
     near = units[candidates]
     coordinates = jnp.moveaxis(samples, 2, 0)
 
@@ -175,19 +154,7 @@ def search_all(tiles: Tiles, units: Float[np.ndarray, "U 3"], k: int) -> Int[np.
 
 
 def find_winners(samples: ArrayLike, units: ArrayLike, k: int = 1) -> Int[np.ndarray, "N k"]:
-    """Find the k units nearest to each sample.
-
-    Args:
-        samples: `[N, 3]` positions.
-        units: `[U, 3]` reference vectors, U >= k.
-        k: how many.
-
-    Returns:
-        int32 indices, nearest first. Units whose squared distances agree within 2e-5 may change places.
-
-    Raises:
-        ReconstructionError: fewer units than k, or arrays of other shapes.
-    """
+    """Find the k units nearest to each sample."""
     samples, units = np.asarray(samples, dtype=np.float64), np.asarray(units, dtype=np.float64)
     for name, array in (("samples", samples), ("units", units)):
         if array.ndim != 2 or array.shape[1] != 3:

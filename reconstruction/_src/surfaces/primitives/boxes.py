@@ -34,12 +34,7 @@ class Side(NamedTuple):
 
 
 def propose_boxes(sides: list[Side], edge: float) -> list[tuple[Primitive, list[int]]]:
-    """Return the boxes that pairs of sides at right angles propose, the largest area first, with their sides.
-
-    Args:
-        sides: planes.
-        edge: typical edge of a face [m].
-    """
+    """Return the boxes that pairs of sides at right angles propose, the largest area first, with their sides."""
     trees = [cKDTree(side.corners.reshape(-1, 3)) for side in sides]
     near = {
         (i, j)

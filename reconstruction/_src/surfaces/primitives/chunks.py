@@ -18,13 +18,6 @@ def split_rest(
 
     The tree of triangles of a whole room is hollow: a beam meets a box at each of its levels. Walls are flat parts, and
     furniture is small ones.
-
-    Args:
-        corners: of the triangles [m].
-        primitives: of which the planes count.
-        reach: distance of the corners of a triangle from its plane at most [m].
-        apart: distance between groups of the others, about [m].
-        fewest: triangles of a part at least; smaller ones stay together.
     """
     label = np.full(len(corners), -1)
     for number, plane in enumerate(primitives):

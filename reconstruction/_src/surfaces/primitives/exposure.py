@@ -29,14 +29,7 @@ class Surface:
         self._rim[faces[:, [1, 2, 0]].ravel()[slots]] = True
 
     def is_closed_by(self, shape: Primitive, area: float, tolerance: float, config: PrimitivesConfig) -> bool:
-        """Return whether faces cover enough of a closed shape, and all of it lies on the surface or behind it.
-
-        Args:
-            shape: sphere, cylinder or box.
-            area: of the faces that lie on it [m²].
-            tolerance: distance of a point on the surface from the surface [m].
-            config: what is enough.
-        """
+        """Return whether faces cover enough of a closed shape, and all of it lies on the surface or behind it."""
         if area < config.min_covered * float(shape.as_mesh().area):
             return False
         return self.find_exposed(shape, tolerance) <= config.max_exposed
@@ -53,13 +46,7 @@ class Surface:
     def is_backed(
         self, points: Float[np.ndarray, "N 3"], normals: Float[np.ndarray, "N 3"], tolerance: float
     ) -> Bool[np.ndarray, " N"]:
-        """Return which points of a shape lie on the surface or behind it.
-
-        Args:
-            points: of the shape [m].
-            normals: outward unit normals there.
-            tolerance: distance of a point on the surface from the surface [m].
-        """
+        """Return which points of a shape lie on the surface or behind it."""
         import igl
 
         squared, nearest, places = igl.point_mesh_squared_distance(points, self._vertices, self._faces)[:3]

@@ -58,14 +58,6 @@ def find_primitives(
 ) -> Primitives:
     """Find the planes, boxes, spheres and cylinders that replace triangles of a surface within its noise.
 
-    Args:
-        mesh: wound so that its faces look at free space.
-        config: what counts; None for the defaults.
-        seed: equal seeds give equal primitives.
-
-    Raises:
-        ReconstructionError: the mesh has no faces, or a vertex that is not finite.
-
     References:
         Schnabel, Wahl and Klein (2007), Efficient RANSAC for point-cloud shape detection, Computer Graphics Forum
         26(2), the paper's reference 22.

@@ -68,14 +68,7 @@ class Primitive(NamedTuple):
 def take_out(
     corners: Float[np.ndarray, "F 3 3"], primitive: Primitive, tolerance: float, margin: float
 ) -> Float[np.ndarray, "G 3 3"]:
-    """Return triangles without what a primitive replaces; a rectangle cuts those that cross its rim.
-
-    Args:
-        corners: of the triangles [m].
-        primitive: what replaces some of them.
-        tolerance: how far they may be off it [m].
-        margin: what lies this far within the rim of a rectangle stays [m].
-    """
+    """Return triangles without what a primitive replaces; a rectangle cuts those that cross its rim."""
     if primitive.kind != "plane":
         return corners[~primitive.find_replaced(corners, tolerance)]
     local = (corners - primitive.center) @ primitive.axes

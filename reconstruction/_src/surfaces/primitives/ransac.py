@@ -81,13 +81,6 @@ def find_shapes(
 ) -> list[FoundShape]:
     """Return the shapes of a surface, in the order in which they were found: large ones first, about.
 
-    Args:
-        vertices: [m].
-        faces: wound so that they look at free space.
-        tolerance: largest distance of a vertex from its shape [m].
-        config: what counts.
-        rng: source of the minimal sets.
-
     References:
         Schnabel, Wahl and Klein (2007), Efficient RANSAC for point-cloud shape detection, sections 4.2-4.5: local
         minimal sets, scores on a random subset, connected components, refitting.

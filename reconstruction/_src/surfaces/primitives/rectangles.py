@@ -38,17 +38,6 @@ def find_rectangles(
     """Return rectangles that triangles cover, the largest first.
 
     A rectangle of covered cells grows over cells that are hidden, and over a few that are not.
-
-    Args:
-        triangles: in the plane [m].
-        cell: resolution [m].
-        least_area: of a rectangle [m²].
-        most: so many at most.
-        is_backed: points `[N, 2]` of the plane -> which of them lie on the surface or behind it; None for none.
-        max_exposed: share of a rectangle that neither triangles cover nor the surface backs, at most.
-
-    Returns:
-        Center [m], axes (columns) and half sizes [m] of each.
     """
     around = find_smallest_rectangle(triangles.reshape(-1, 2), _TRIMMED)
     if around is None:

@@ -59,12 +59,6 @@ def make_candidates(
 ) -> Shapes:
     """Return the shapes through minimal sets: two oriented points each.
 
-    Args:
-        kind: one of `KINDS`.
-        points: two points of each set [m].
-        normals: unit normals there.
-        max_radius: shapes with larger radii are left out [m].
-
     References:
         Schnabel, Wahl and Klein (2007), Efficient RANSAC for point-cloud shape detection, section 4.1.
         Differs: a plane is made of two oriented points, not of three points.
@@ -89,13 +83,7 @@ def make_candidates(
 
 
 def fit_shape(shape: Shapes, points: Float[np.ndarray, "N 3"], weights: Float[np.ndarray, " N"]) -> Shapes:
-    """Return the shape that fits points best in the sense of least squares, from a first guess.
-
-    Args:
-        shape: one shape.
-        points: what it shall fit [m].
-        weights: of the points.
-    """
+    """Return the shape that fits points best in the sense of least squares, from a first guess."""
     weights = weights / weights.sum()
     if shape.kind == "plane":
         center = weights @ points

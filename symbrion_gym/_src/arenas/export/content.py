@@ -83,17 +83,7 @@ class Content:
 def make_content(
     geometry: ArenaGeometry, max_vertices: int | None, friction_map: FrictionMap | None = None, **about: Any
 ) -> Content:
-    """Return the content of an export.
-
-    Args:
-        geometry: the shapes of an arena.
-        max_vertices: the limit of the vertices of a solid; None without.
-        friction_map: patches with another friction, by which the pieces are cut.
-        about: the fields of `Content` that are not geometry.
-
-    Raises:
-        ArenaError: the limit is too low.
-    """
+    """Return the content of an export."""
     if max_vertices is not None and max_vertices < FEWEST_VERTICES:
         raise ArenaError(
             f"max_vertices is {max_vertices}; {FEWEST_VERTICES} or more are needed, or None for no limit"
@@ -123,13 +113,7 @@ def make_content(
 
 
 def sample_heights(surface: trimesh.Trimesh) -> dict[str, Float[np.ndarray, " ..."]]:
-    """Return the heights of a surface as seen from above, on a grid.
-
-    Returns:
-        heights: `[R, C]` rows along y, columns along x; NaN where there is no surface [m].
-        low: (x, y) of the first row and column [m].
-        high: (x, y) of the last [m].
-    """
+    """Return the heights of a surface as seen from above, on a grid."""
     low, high = np.asarray(surface.bounds, dtype=np.float64)[:, :2]
     spacing = max(_HEIGHT_SPACING, float(np.sqrt(np.prod(high - low) / _MOST_HEIGHTS)))
     columns, rows = (max(int(np.ceil(extent / spacing)) + 1, 2) for extent in high - low)

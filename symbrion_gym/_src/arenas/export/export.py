@@ -33,23 +33,7 @@ FORMATS: dict[str, Callable[[Content], dict[str, bytes]]] = {
 def export_arena(
     folder: str | Path, geometry: ArenaGeometry, to: str, max_vertices: int | None, **about: Any
 ) -> dict[str, Any]:
-    """Write an arena as a folder for other simulators; of what is there, only a former export is replaced.
-
-    Args:
-        folder: new, empty, or that of a former export.
-        geometry: the shapes of the arena.
-        to: the format, one of `FORMATS`.
-        max_vertices: the most vertices of a convex solid; None for no limit.
-        about: the fields of `Content` that are not geometry.
-
-    Returns:
-        The content of `export.json`.
-
-    Raises:
-        ArenaError: there is no such format, it cannot hold the arena, the limit is too low, or the folder holds
-            something else.
-        MissingExtraError: the format needs an extra that is not installed.
-    """
+    """Write an arena as a folder for other simulators; of what is there, only a former export is replaced."""
     if to not in FORMATS:
         raise ArenaError(f"to is {to!r}; there are: {', '.join(FORMATS)}")
     folder = Path(folder)

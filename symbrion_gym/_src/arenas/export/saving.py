@@ -27,16 +27,7 @@ _OWN = re.compile(
 
 
 def save_export(folder: Path, files: dict[str, bytes], about: dict[str, Any]) -> None:
-    """Write the files of an export, and remove those of the former one that it no longer has.
-
-    Args:
-        folder: new, empty, or that of a former export.
-        files: name -> content.
-        about: the content of `export.json`, without its format and the names of files.
-
-    Raises:
-        ArenaError: the folder holds something else, or something is in the way of a file.
-    """
+    """Write the files of an export, and remove those of the former one that it no longer has."""
     own = find_own_files(folder)
     wanted = {*files, MANIFEST}
     for name in sorted(wanted):
@@ -50,11 +41,7 @@ def save_export(folder: Path, files: dict[str, bytes], about: dict[str, Any]) ->
 
 
 def find_own_files(folder: Path) -> frozenset[str]:
-    """Return which files in a folder are an export's; none where there is no folder, or nothing in it.
-
-    Raises:
-        ArenaError: there is something else in it, and no export that could be replaced.
-    """
+    """Return which files in a folder are an export's; none where there is no folder, or nothing in it."""
     if folder.exists() and not folder.is_dir():
         raise ArenaError(f"{folder} is a file; choose another folder")
     if not (folder / MANIFEST).exists():

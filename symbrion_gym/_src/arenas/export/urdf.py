@@ -21,11 +21,7 @@ _GIMBAL_LOCK = 1e-6
 
 
 def format_urdf(content: Content) -> dict[str, bytes]:
-    """Return `arena.urdf` and the meshes that it names by paths relative to it.
-
-    Raises:
-        ArenaError: the arena is a height field, which URDF does not have.
-    """
+    """Return `arena.urdf` and the meshes that it names by paths relative to it."""
     if content.height_field is not None:
         raise ArenaError(
             f"arena {content.name!r} is a height field, which URDF does not have; "

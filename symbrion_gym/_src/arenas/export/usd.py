@@ -20,11 +20,7 @@ ROOT = "/arena"
 
 
 def format_usd(content: Content) -> dict[str, bytes]:
-    """Return `arena.usda`.
-
-    Raises:
-        MissingExtraError: usd-core is not installed.
-    """
+    """Return `arena.usda`."""
     require_extras("export to usd", "usd")
     from pxr import Usd, UsdGeom, Vt
 

@@ -37,12 +37,7 @@ class LimitedSolid(NamedTuple):
 
 
 def limit_vertices(solid: trimesh.Trimesh, most: int) -> LimitedSolid:
-    """Return a convex solid as one or more with at most a number of vertices each.
-
-    Args:
-        solid: convex; vertices inside of its hull do not count.
-        most: the limit, at least `FEWEST_VERTICES`.
-    """
+    """Return a convex solid as one or more with at most a number of vertices each."""
     if len(solid.vertices) <= most:
         return LimitedSolid([solid], 0.0)
     return _limit(np.asarray(solid.vertices, dtype=np.float64), most, _MOST_CUTS)
@@ -64,11 +59,7 @@ def _limit(points: Float[np.ndarray, "N 3"], most: int, cuts_left: int) -> Limit
 
 
 def _choose_corners(corners: Float[np.ndarray, "N 3"], most: int) -> tuple[Int[np.ndarray, " M"], float]:
-    """Choose corners greedily, always the one farthest outside of the hull of those chosen before.
-
-    Returns:
-        The chosen corners, and how far the farthest of the others is outside [m].
-    """
+    """Choose corners greedily, always the one farthest outside of the hull of those chosen before."""
     chosen = list(dict.fromkeys(int(index) for axis in corners.T for index in (axis.argmin(), axis.argmax())))
     for index in range(len(corners)):  # more corners where these lie in a plane
         if len(chosen) >= 4 and np.linalg.matrix_rank(corners[chosen] - corners[chosen[0]]) == 3:

@@ -17,11 +17,7 @@ class NoCandidate(Exception):
 
 
 def decompose_united_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
-    """Return coacd's pieces of the united slabs.
-
-    Raises:
-        NoCandidate: there are too many slabs, or coacd failed, moved walls or bent planes.
-    """
+    """Return coacd's pieces of the united slabs."""
     if best is None or best.notes["way"] != "slabs":
         return None
     config = problem.config
@@ -45,11 +41,7 @@ def decompose_united_slabs(problem: ContactProblem, best: Contact | None) -> Con
 
 
 def decompose_body(problem: ContactProblem, best: Contact | None) -> Contact | None:
-    """Return coacd's pieces of a closed solid.
-
-    Raises:
-        NoCandidate: coacd failed.
-    """
+    """Return coacd's pieces of a closed solid."""
     if problem.solid is None or (best is not None and best.notes["way"].endswith("slabs")):
         return None
     vertices, faces = np.asarray(problem.solid.vertices), np.asarray(problem.solid.faces)

@@ -13,11 +13,7 @@ from symbrion_gym._src.contact.problem import ContactProblem
 
 
 def fit_height_field(problem: ContactProblem, best: Contact | None) -> Contact | None:
-    """Return a height field of open ground that has many patches; None where it has few, or is no terrain.
-
-    Raises:
-        NoCandidate: no grid follows the ground closely enough.
-    """
+    """Return a height field of open ground that has many patches; None where it has few, or is no terrain."""
     if best is None or problem.shape != "terrain" or problem.surface.is_watertight:
         return None
     config, extents = problem.config, problem.surface.extents
@@ -40,13 +36,7 @@ def measure_heights(problem: ContactProblem, heights: HeightField, notes: dict) 
 def _find_coarsest_field(
     problem: ContactProblem, acceptance: AcceptanceConfig, config: FieldConfig
 ) -> Contact | None:
-    """Return the coarsest height field that follows the ground closely enough; None where none does.
-
-    Args:
-        problem: what is wanted; its surface is a terrain.
-        acceptance: what is good enough.
-        config: how coarse, how close.
-    """
+    """Return the coarsest height field that follows the ground closely enough; None where none does."""
     spacing = config.coarsest
     while spacing >= config.finest and not problem.deadline.is_over():
         heights = _sample_heights(problem, spacing, config)

@@ -100,13 +100,7 @@ def _count_steps(ratio: float, config: SimplificationConfig) -> int:
 def thicken_patches(
     problem: ContactProblem, mesh: trimesh.Trimesh, tolerance: float
 ) -> list[trimesh.Trimesh]:
-    """Return a convex solid behind each convex patch of a mesh.
-
-    Args:
-        problem: what is wanted.
-        mesh: manifold, wound so that its faces look at free space.
-        tolerance: within which triangles are joined to patches; 0: not at all [m].
-    """
+    """Return a convex solid behind each convex patch of a mesh."""
     config = problem.config
     thickness = config.thickness.scale_to(float(problem.surface.extents.max()))
 

@@ -19,12 +19,7 @@ REACH = ScoutConfig().arm_reach
 
 
 def carry(pose: Float[np.ndarray, "N 3"], way: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "N 3"]:
-    """Return poses of docks in the frames of robots that have moved.
-
-    Args:
-        pose: before: ahead [m], to the left [m], axis [rad].
-        way: distances that the left and the right track have run since [m].
-    """
+    """Return poses of docks in the frames of robots that have moved."""
     turn = (way[:, 1] - way[:, 0]) / (2 * HALF_GAUGE * SLIP)
     ahead, left = pose[:, 0] - way.mean(axis=-1), pose[:, 1]
     cosine, sine = np.cos(turn), np.sin(turn)
@@ -39,12 +34,7 @@ def locate(heard: Heard) -> Float[np.ndarray, "N 3"]:
 
 
 def recall(heard: Heard, pose: Float[np.ndarray, "N 3"]) -> Heard:
-    """Return what is heard, with distance, bearing and departure of the remembered dock where nothing is.
-
-    Args:
-        heard: now.
-        pose: of the docks, as remembered.
-    """
+    """Return what is heard, with distance, bearing and departure of the remembered dock where nothing is."""
     bearing = np.arctan2(pose[:, 1], pose[:, 0])
     distance = np.maximum(np.hypot(pose[:, 0], pose[:, 1]) - REACH, 0.0)
     departure = wrap(bearing + np.pi - pose[:, 2])

@@ -87,13 +87,7 @@ _SIDE_ANGLES = np.array([ScoutConfig().find_dock(side)[2] for side in SIDES])
 
 
 def find_geometry(state: SwarmState, speaks: Bool[np.ndarray, "N 4"], config: HearingConfig) -> Geometry:
-    """Return which speaking docks reach which robots: bright enough, with no other robot between.
-
-    Args:
-        state: of the robots.
-        speaks: docks that broadcast anything.
-        config: how well broadcasts are received.
-    """
+    """Return which speaking docks reach which robots: bright enough, with no other robot between."""
     light = config.light
     farthest = (2.0 * light.gain / light.message_threshold) ** (1.0 / light.falloff)
     place, axis = find_dock_poses(state)
@@ -123,14 +117,7 @@ def find_brightness(
     off_side: Float[np.ndarray, "*S"],
     light: SignalConfig,
 ) -> Float[np.ndarray, "*S"]:
-    """Return what both units of a side read of a dock in plain sight [counts].
-
-    Args:
-        distance: from side to dock [m].
-        departure: angle off the axis of the dock [rad].
-        off_side: angle off the axis of the receiving side [rad].
-        light: constants.
-    """
+    """Return what both units of a side read of a dock in plain sight [counts]."""
     sent = np.maximum(np.cos(departure), 0.0)
     lobe = ((1.0 - light.side_share) * sent**light.lobe + light.side_share) * (sent > 0.0)
     near = np.maximum(distance, _NEAREST)
@@ -167,17 +154,7 @@ def hear(
     rng: np.random.Generator,
     collides: bool = False,
 ) -> Heard:
-    """Return the nearest of some broadcasts that each robot receives.
-
-    Args:
-        geometry: of the docks.
-        words: what docks say.
-        speaks: the docks that count.
-        config: noise.
-        bias: present slow errors of bearing and departure [rad].
-        rng: draws noise and losses; four numbers a robot.
-        collides: whether several robots at once destroy each other's broadcasts.
-    """
+    """Return the nearest of some broadcasts that each robot receives."""
     count = len(speaks)
     chance, noise = rng.random(count), rng.standard_normal((3, count))
     rows = np.flatnonzero(speaks[geometry.sender, geometry.side])

@@ -85,13 +85,7 @@ class Machine:
         self._numbers = np.arange(num_robots)
 
     def decide(self, percepts: Percepts, memory: Memory, rng: np.random.Generator) -> Decision:
-        """Return commands, broadcasts and the next memory.
-
-        Args:
-            percepts: what all robots sense.
-            memory: of the last decision, or `Memory.begin`.
-            rng: decides which way robots turn and when they ask; three numbers a robot are drawn.
-        """
+        """Return commands, broadcasts and the next memory."""
         chance = rng.random((3, self.num_robots))
         memory = self._listen(percepts, memory)
         percepts = percepts._replace(beacon=recall(percepts.beacon, memory.dock))

@@ -122,13 +122,7 @@ class Memory(NamedTuple):
     def start(
         self, robots: Bool[np.ndarray, " N"] | Int[np.ndarray, " K"], mode: Mode, **values: object
     ) -> Memory:
-        """Return a memory in which some robots are in a mode, as scripts and tests begin.
-
-        Args:
-            robots: which.
-            mode: what they do.
-            values: other fields, set for the same robots.
-        """
+        """Return a memory in which some robots are in a mode, as scripts and tests begin."""
         fields: dict[str, object] = {"mode": mode, "since": 0.0, **values}
         changed = {}
         for name, value in fields.items():

@@ -34,11 +34,7 @@ class Plan(NamedTuple):
 
 
 def make_plan(organism: Organism) -> Plan:
-    """Return the plan of an organism whose module 0 is the seed, and to which robots dock with their front docks.
-
-    Raises:
-        OrganismError: a module would have to dock with another dock than its front, or there are too many.
-    """
+    """Return the plan of an organism whose module 0 is the seed, and to which robots dock with their front docks."""
     if organism.num_modules > MOST_ROLES:
         raise OrganismError(f"a plan has at most {MOST_ROLES} robots, got {organism.num_modules}")
     wanted = np.full((organism.num_modules, len(SIDES)), NOBODY)

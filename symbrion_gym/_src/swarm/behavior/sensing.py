@@ -41,12 +41,7 @@ class Sensing:
         self._bias = self._config.bias * self._rng.standard_normal((2, self._world.num_robots))
 
     def read(self, words: Words, wire: Wired) -> Percepts:
-        """Return what the robots sense now.
-
-        Args:
-            words: what docks broadcast.
-            wire: what robots say over their wires.
-        """
+        """Return what the robots sense now."""
         world, rng, config = self._world, self._rng, self._config
         state, readings = world.state, self._senses.read()
         share = np.exp(-DECISION / config.bias_time)
@@ -73,13 +68,7 @@ class Sensing:
 def find_drop(
     laser: Float[np.ndarray, "N B"], pitch: Float[np.ndarray, " N"], scout: ScoutConfig
 ) -> Float[np.ndarray, " N"]:
-    """Return how far the ground ahead lies below that under a robot [m]; infinity where a beam meets none.
-
-    Args:
-        laser: ranges along the beams of the forward laser [m].
-        pitch: nose up is positive [rad].
-        scout: constants of the robots.
-    """
+    """Return how far the ground ahead lies below that under a robot [m]; infinity where a beam meets none."""
     origins, directions, ranges = (part[NUM_UNITS:] for part in find_scout_rays(scout))
     ground = -scout.size[2] / 2
     down = np.minimum(directions[:, 2], -np.finfo(float).tiny)

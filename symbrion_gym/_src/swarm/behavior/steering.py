@@ -34,13 +34,7 @@ def wrap(angle: Float[np.ndarray, " *S"]) -> Float[np.ndarray, " *S"]:
 def drive(
     speed: Float[np.ndarray, " N"] | float, rate: Float[np.ndarray, " N"] | float, most: float
 ) -> Float[np.ndarray, "N 2"]:
-    """Return speeds of the tracks of robots that drive and turn at once [m/s].
-
-    Args:
-        speed: of the robots [m/s].
-        rate: of turning to the left [rad/s].
-        most: largest difference of a track from the mean of both [m/s].
-    """
+    """Return speeds of the tracks of robots that drive and turn at once [m/s]."""
     half = np.clip(np.asarray(rate) * HALF_GAUGE * SLIP, -most, most)
     return np.stack(np.broadcast_arrays(speed - half, speed + half), axis=-1)
 
@@ -48,15 +42,7 @@ def drive(
 def steer_to(
     ahead: Float[np.ndarray, " N"], left: Float[np.ndarray, " N"], speed: float, gain: float, most: float
 ) -> Float[np.ndarray, "N 2"]:
-    """Return track speeds towards places in the frames of the robots [m/s].
-
-    Args:
-        ahead: of the places [m].
-        left: likewise [m].
-        speed: where a robot faces its place [m/s].
-        gain: rate of turning per angle [1/s].
-        most: as of `drive`.
-    """
+    """Return track speeds towards places in the frames of the robots [m/s]."""
     angle = np.arctan2(left, ahead)
     share = np.where(np.abs(angle) < _FACING, np.cos(angle) ** 2, 0.0)
     return drive(speed * share, gain * angle, most)
@@ -65,13 +51,7 @@ def steer_to(
 def find_approach_point(
     heard: Heard, lookahead: float, reach: float
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
-    """Return a place on the axis of the dock that is heard, in the frames of the robots [m].
-
-    Args:
-        heard: broadcast of the dock.
-        lookahead: distance of the place from the dock, as a share of the robot's own.
-        reach: distance of the receiving dock from the center of the robot [m].
-    """
+    """Return a place on the axis of the dock that is heard, in the frames of the robots [m]."""
     distance = np.maximum(heard.distance, 0.0) + reach
     axis = wrap(heard.bearing + pi - heard.departure)
     along = lookahead * distance
@@ -80,12 +60,7 @@ def find_approach_point(
 
 
 def find_way_behind(heard: Heard, offset: float) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
-    """Return where to go from a call of an organism to get behind its last robot, beside its body [m].
-
-    Args:
-        heard: the call; the body extends behind the robot that sends it.
-        offset: distance from the side of the body [m].
-    """
+    """Return where to go from a call of an organism to get behind its last robot, beside its body [m]."""
     axis = wrap(heard.bearing + pi - heard.departure)
     heading = axis - SIDE_ANGLES[heard.sender_side]
     is_ahead = heard.sender_side == FRONT
@@ -112,12 +87,7 @@ def read_sides(proximity: Float[np.ndarray, "N 8"]) -> Float[np.ndarray, "N 4"]:
 def choose_turn(
     proximity: Float[np.ndarray, "N 8"], chance: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, " N"]:
-    """Return which way to turn away from what is ahead: 1 to the left, -1 to the right.
-
-    Args:
-        proximity: readings [m].
-        chance: uniform random numbers, which decide where both sides look alike.
-    """
+    """Return which way to turn away from what is ahead: 1 to the left, -1 to the right."""
     sides = read_sides(proximity)
     room = sides[:, LEFT] - sides[:, RIGHT]
     units = proximity[:, 2 * FRONT + 1] - proximity[:, 2 * FRONT]  # the first unit of a side is its left one

@@ -80,12 +80,7 @@ class BehaviorWeights:
 
     @classmethod
     def stack(cls, weights: Sequence[BehaviorWeights], num_robots: int) -> BehaviorWeights:
-        """Return weights whose values are arrays, one value a robot: swarms with other weights in one world.
-
-        Args:
-            weights: of the swarms, each of so many robots in turn.
-            num_robots: of each swarm.
-        """
+        """Return weights whose values are arrays, one value a robot: swarms with other weights in one world."""
         values: dict[str, Any] = {
             each.name: np.repeat([getattr(one, each.name) for one in weights], num_robots)
             for each in fields(cls)
@@ -96,16 +91,7 @@ class BehaviorWeights:
     def from_genotype(
         cls, genotype: Float[np.ndarray, " W"], names: tuple[str, ...], base: BehaviorWeights | None = None
     ) -> BehaviorWeights:
-        """Return weights of which some were evolved.
-
-        Args:
-            genotype: numbers of which 0 is the lower bound and 1 the upper; what lies beyond is clipped.
-            names: the weights that they are.
-            base: the others; None for the defaults.
-
-        Raises:
-            OptionError: no such weight, or another number of them.
-        """
+        """Return weights of which some were evolved."""
         bounds, values = list_bounds(), np.asarray(genotype, dtype=np.float64)
         unknown = sorted(set(names) - set(bounds))
         if unknown:

@@ -71,15 +71,7 @@ def find_layout(
     num_robots: int,
     scout: ScoutConfig,
 ) -> Layout:
-    """Return the layout in which all links but the welded ones are parts of trees.
-
-    Args:
-        links: all latched docks.
-        welds: those of them that are held by welds; arms that they hold move.
-        open_arms: docked robots whose arm moves although its dock is free.
-        num_robots: N.
-        scout: constants of the robots.
-    """
+    """Return the layout in which all links but the welded ones are parts of trees."""
     welds = sort_links(welds)
     rigid = [link for link in links if link not in welds]
     groups = find_groups(rigid, num_robots)

@@ -22,12 +22,6 @@ def find_loads(
 
     For each docking the organism is cut there: mass times acceleration of the modules on one side, less gravity and
     what the ground and other robots push, is what came through the dock. So it is the same for welds and for trees.
-
-    Args:
-        assembly: the layout.
-        data: a state of its model, in which the last physics step is complete.
-        links: all latched docks.
-        scout: constants of the robots.
     """
     count = len(assembly.sites)
     loads = np.zeros((count, 4))

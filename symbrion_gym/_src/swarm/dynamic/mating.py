@@ -64,14 +64,6 @@ def write_weld(
 
     A weld holds its pose of compilation until `eq_data` says another one: anchor in the second body, the same point in
     the first, and the rotation of the second body in the frame of the first.
-
-    Args:
-        assembly: a layout with the weld.
-        data: a state of its model.
-        index: number of the weld in the layout.
-        mating: where the docks latched.
-        scout: constants of the robots.
-        share: how much of the way from there is left: 1 at the latch, 0 in the exact pose.
     """
     model = assembly.model
     weld = model.equality(f"weld_{index}").id

@@ -48,15 +48,7 @@ def write_motion(
     scout: ScoutConfig,
     skip: frozenset[Tree] = frozenset(),
 ) -> None:
-    """Set the robots of an assembly in motion as given; `data` is refreshed afterwards.
-
-    Args:
-        assembly: where they are written.
-        data: a state of its model.
-        motion: how the robots are and move.
-        scout: constants of the robots.
-        skip: trees whose state is already there.
-    """
+    """Set the robots of an assembly in motion as given; `data` is refreshed afterwards."""
     trees = [tree for tree in assembly.layout.trees if tree not in skip]
     for tree in trees:
         _write_tree(assembly, data, motion, tree)

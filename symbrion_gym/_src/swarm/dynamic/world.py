@@ -278,13 +278,7 @@ class DynamicWorld:
         )
 
     def _enter(self, layout: Layout, motion: Motion, source: Assembly | None = None) -> None:
-        """Continue in a layout.
-
-        Args:
-            layout: the layout.
-            motion: of all robots.
-            source: assembly of the present state, whose trees are kept to the bit where they are in both layouts.
-        """
+        """Continue in a layout."""
         assembly = self.assembler.assemble(layout)
         data = mujoco.MjData(assembly.model)
         same: frozenset[Tree] = frozenset()

@@ -63,19 +63,11 @@ class SwarmOfBatch:
         return self._batch.world.groups[self._rows] - self._rows.start
 
     def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
-        """Refuse: all swarms of a batch begin together.
-
-        Raises:
-            OptionError: always.
-        """
+        """Refuse: all swarms of a batch begin together."""
         raise OptionError("a swarm of a batch begins with the others; call reset of the batch")
 
     def step(self, commands: SwarmCommands) -> None:
-        """Refuse: all swarms of a batch move together.
-
-        Raises:
-            OptionError: always.
-        """
+        """Refuse: all swarms of a batch move together."""
         raise OptionError("a swarm of a batch moves with the others; call step of the batch")
 
 
@@ -122,16 +114,7 @@ class KinematicBatch:
         self.states: list[SwarmState] = []
 
     def reset(self, poses: Float[np.ndarray, "B N 3"], seeds: Sequence[int]) -> None:
-        """Place the robots of all swarms on the ground, undocked, at x [m], y [m] and heading [rad].
-
-        Args:
-            poses: of each swarm.
-            seeds: of the slip of each swarm.
-
-        Raises:
-            OptionError: other numbers of swarms, robots or seeds.
-            ArenaError: a place off the surface, too steep, or within another robot of the swarm.
-        """
+        """Place the robots of all swarms on the ground, undocked, at x [m], y [m] and heading [rad]."""
         poses, shape = np.asarray(poses, dtype=np.float64), (self.num_swarms, self.num_robots, 3)
         if poses.shape != shape or len(seeds) != self.num_swarms:
             raise OptionError(
@@ -142,14 +125,7 @@ class KinematicBatch:
         self._divide()
 
     def step(self, commands: Sequence[SwarmCommands]) -> None:
-        """Advance all swarms by one decision.
-
-        Args:
-            commands: of each swarm.
-
-        Raises:
-            OptionError: commands of another number of swarms or robots, or not finite.
-        """
+        """Advance all swarms by one decision."""
         if len(commands) != self.num_swarms:
             raise OptionError(
                 f"commands of {len(commands)} swarms for {self.num_swarms}; one for each is needed"

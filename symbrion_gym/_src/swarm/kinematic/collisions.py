@@ -36,14 +36,7 @@ def find_outlines(
     hinge: Float[np.ndarray, " N"],
     scout: ScoutConfig,
 ) -> Outlines:
-    """Return robots seen from above.
-
-    Args:
-        position: centers of the chassis [m].
-        heading: [rad].
-        hinge: angles of the arms [rad]; the end of one at 90 degrees lies above its own chassis.
-        scout: constants of the robots.
-    """
+    """Return robots seen from above."""
     ahead = np.column_stack([np.cos(heading), np.sin(heading)])
     reach = (scout.arm_reach - ARM_RADIUS) * np.cos(hinge)
     return Outlines(position[:, :2], ahead, position[:, :2] + reach[:, None] * ahead, position[:, 2])
@@ -52,13 +45,7 @@ def find_outlines(
 def find_pairs(
     position: Float[np.ndarray, "N 3"], reach: float, num_swarms: int = 1
 ) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
-    """Return the pairs of robots whose centers are no farther apart, the smaller index first.
-
-    Args:
-        position: centers of the chassis [m].
-        reach: [m].
-        num_swarms: equal parts of the robots that do not meet each other.
-    """
+    """Return the pairs of robots whose centers are no farther apart, the smaller index first."""
     x, y = (position[:, axis].reshape(num_swarms, -1) for axis in (0, 1))
     near = (x[:, :, None] - x[:, None]) ** 2 + (y[:, :, None] - y[:, None]) ** 2 <= reach**2
     swarm, first, second = np.nonzero(np.triu(near, k=1))
@@ -72,11 +59,6 @@ def find_overlaps(one: Outlines, other: Outlines, scout: ScoutConfig) -> Float[n
     A chassis is a disc of its half width against other chassis, so that robots that are docked on any sides touch and
     do not overlap; corners may. The end of an arm that is not folded up is a smaller disc, which meets the square
     chassis and other arms.
-
-    Args:
-        one: the first robot of each pair.
-        other: the second one.
-        scout: constants of the robots.
     """
     half = scout.size[0] / 2
     depth = 2 * half - _find_lengths(other.center - one.center)

@@ -74,13 +74,7 @@ class Ground:
         rotation: Float[np.ndarray, "N 3 3"],
         groups: Int[np.ndarray, " N"],
     ) -> GroundFit:
-        """Return how robots stand about where they are.
-
-        Args:
-            position: centers of the chassis [m]; their heights are not used.
-            rotation: their attitudes; the tilt is that of the step before.
-            groups: root of each robot's group.
-        """
+        """Return how robots stand about where they are."""
         foot = position[:, :2] - self._half_height * rotation[:, :2, 2]
         tracks = foot[:, None] + self._tracks @ rotation[:, :2, :2].transpose(0, 2, 1)
         places = np.concatenate([tracks, foot[:, None] + self._rim], axis=1)

@@ -219,11 +219,7 @@ class KinematicWorld:
             self._follow_links([link.first for link in (*released, *formed)])
 
     def _follow_links(self, changed: list[int] | None = None) -> None:
-        """Find groups, where their members belong, and when they will be there.
-
-        Args:
-            changed: robots whose swarms have docked or parted; None for all.
-        """
+        """Find groups, where their members belong, and when they will be there."""
         links = self.state.links
         self.groups = find_groups(links, self.num_robots)
         # A state does not tell who stood when its docks latched: the smaller number leads.

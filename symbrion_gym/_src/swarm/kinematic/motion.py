@@ -49,11 +49,6 @@ def choose_roots(
     """Return the robot of each group whose pose leads: that of its largest former part, which a newcomer does not move.
 
     Of equal parts it is the one that stands: tracks that already slide resist a turn less than parked ones.
-
-    Args:
-        groups: number of each robot's group.
-        roots: roots of the groups before.
-        speed: of the robots [m/s].
     """
     result = np.arange(len(roots))
     for group in np.flatnonzero(np.bincount(groups, minlength=len(groups)) > 1):
@@ -112,16 +107,6 @@ def avoid_overlaps(
 
     Who moves into a robot, wherever that one ends up, gives up its way, and if that is not enough its turn. In the end
     all stay, which is allowed, so this comes to an end. Members of a group move together or not at all.
-
-    Args:
-        level: what the ground allows.
-        full: where robots would be after all of their motion.
-        turned: where they would be after turning on the spot.
-        old: where they are.
-        groups: root of each robot's group.
-        scout: constants of the robots.
-        grip: overlap that is none [m].
-        num_swarms: equal parts of the robots that do not meet each other.
     """
     way = np.abs(full.position[:, :2] - old.position[:, :2]).max(initial=0.0)
     first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip), num_swarms)
@@ -153,16 +138,7 @@ def hold_arms(
     grip: float,
     num_swarms: int = 1,
 ) -> Poses:
-    """Return poses in which no arm has moved farther into a robot of its own group than it was.
-
-    Args:
-        new: where robots would be.
-        hinge: angles of the arms before [rad].
-        groups: root of each robot's group.
-        scout: constants of the robots.
-        grip: overlap that is none [m].
-        num_swarms: equal parts of the robots that do not meet each other.
-    """
+    """Return poses in which no arm has moved farther into a robot of its own group than it was."""
     is_member = np.bincount(groups, minlength=len(groups))[groups] > 1
     if not (is_member & (new.hinge != hinge)).any():
         return new

@@ -34,13 +34,7 @@ def make_rotations(
 def find_spins(
     old: Float[np.ndarray, "N 3 3"], new: Float[np.ndarray, "N 3 3"], duration: float
 ) -> Float[np.ndarray, "N 3"]:
-    """Return the constant rates of rotation that lead from one attitude to another [rad/s], in the arena's frame.
-
-    Args:
-        old: attitudes before.
-        new: attitudes after.
-        duration: time between them [s].
-    """
+    """Return the constant rates of rotation that lead from one attitude to another [rad/s], in the arena's frame."""
     change = new @ old.transpose(0, 2, 1)
     axis = np.stack(
         [

@@ -85,11 +85,6 @@ def balance(
     """Return ahead, left [m/s] and turn [rad/s] of Scouts whose right belts run at 1 m/s and left ones at -1 m/s.
 
     Friction balances gravity where its power, less that of gravity, is least; this is convex in the motion.
-
-    Args:
-        reach: cosines of the hinges' angles, 0 to 1.
-        pulls: gravity along the ground, as shares of that into it, in the frames of the Scouts: ahead and left.
-        scout: constants of the robots; its friction is that of the ground.
     """
     points = find_track_points(scout)
     x, y = (
@@ -161,14 +156,7 @@ def interpolate(
     pulls: Float[np.ndarray, "N 2"],
     difference: Float[np.ndarray, " N"],
 ) -> Float[np.ndarray, "N 3"]:
-    """Return ahead, left [m/s] and turn [rad/s] of Scouts in a frame that moves with the mean of their belts.
-
-    Args:
-        skids: of their kind.
-        reach: cosines of the hinges' angles.
-        pulls: gravity along the ground, as shares of that into it, in the frames of the Scouts.
-        difference: speed of the right belts less that of the left ones [m/s].
-    """
+    """Return ahead, left [m/s] and turn [rad/s] of Scouts in a frame that moves with the mean of their belts."""
     side = np.where(difference < 0.0, -1.0, 1.0)
     size = np.hypot(pulls[:, 0], pulls[:, 1])
     angle = np.arctan2(side * pulls[:, 1], pulls[:, 0]) / (2.0 * np.pi) + 0.5

@@ -27,14 +27,6 @@ def find_twists(
     Single robots turn as the balance of Coulomb friction says, and slide downhill as they do. A docked group is one
     rigid body: of all its motions in the plane, that in which its tracks slip least (least squares).
 
-    Args:
-        tracks: speeds of the left and right tracks [m/s].
-        groups: root of each robot's group.
-        layout: x [m], y [m] and heading [rad] of each robot in the frame of its root.
-        hinge: angles of the arms [rad].
-        pulls: gravity along the ground, as shares of that into it, in the frames of the robots: ahead and left.
-        scout: constants of the robots.
-
     References:
         Wong and Chiang (2001), Proc. IMechE D 215, for single robots; Mandow et al. (2007), IROS, for groups.
     """

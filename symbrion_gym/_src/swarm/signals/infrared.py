@@ -68,15 +68,7 @@ def find_light(
     scout: ScoutConfig,
     config: SignalConfig,
 ) -> Light:
-    """Return the light of docks that reaches units of other robots, in a fixed order.
-
-    Args:
-        state: of the robots.
-        shining: which docks send.
-        sight: what is in the way.
-        scout: constants of the robots.
-        config: constants of the light.
-    """
+    """Return the light of docks that reaches units of other robots, in a fixed order."""
     dock_place, dock_axis = find_dock_poses(state, scout)
     unit_place, unit_axis = find_units(state, scout)
     sender, dock = np.nonzero(shining)
@@ -136,15 +128,7 @@ def find_readings(
     unit_axis: Float[np.ndarray, "*S 3"],
     config: SignalConfig,
 ) -> Float[np.ndarray, " *S"]:
-    """Return what units read of senders in plain sight, without limit, ambient light and noise [counts].
-
-    Args:
-        place: of the senders [m].
-        axis: unit vectors along which they send.
-        unit_place: of the receiving units [m].
-        unit_axis: unit vectors along which they look.
-        config: constants of the light.
-    """
+    """Return what units read of senders in plain sight, without limit, ambient light and noise [counts]."""
     way = unit_place - place
     ones = np.ones(3)
     distance = np.maximum(np.sqrt((way * way) @ ones), _LEAST_DISTANCE)

@@ -84,11 +84,7 @@ class Signals:
         self._rng = np.random.default_rng(seed)
 
     def exchange(self, sent: Transmissions) -> Receptions:
-        """Return what robots receive of what they send, where they are now.
-
-        Raises:
-            OptionError: the arrays have another shape, or a message is a negative number that is not `NO_MESSAGE`.
-        """
+        """Return what robots receive of what they send, where they are now."""
         state, count = self._world.state, self._world.num_robots
         _check(sent, count)
         is_free = np.ones((count, len(SIDES)), bool)

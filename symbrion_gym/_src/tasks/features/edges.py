@@ -46,13 +46,7 @@ class Edge(NamedTuple):
 
 
 def find_jumps(heights: Float[np.ndarray, " D"], least: float, wall: int) -> list[Jump]:
-    """Return the jumps along a lane, in order.
-
-    Args:
-        heights: ground [m]; nan where there is none.
-        least: smallest height of a jump [m].
-        wall: a jump is complete within this number of samples, as scanned walls lean.
-    """
+    """Return the jumps along a lane, in order."""
     change = heights[wall:] - heights[:-wall]
     jumps = []
     for sign in (-1.0, 1.0):
@@ -70,14 +64,7 @@ def find_crossings(
     spans: Int[np.ndarray, "W 2"],
     levels: Float[np.ndarray, " W"],
 ) -> Float[np.ndarray, " W"]:
-    """Return s where lanes pass a level between two samples, to 0.1 mm [m]; nan where they do not.
-
-    Args:
-        profile: heights along the way.
-        lanes: numbers of the lanes.
-        spans: first and last sample between which each is searched; the first below 0 for none.
-        levels: the height of each [m].
-    """
+    """Return s where lanes pass a level between two samples, to 0.1 mm [m]; nan where they do not."""
     brackets = [_find_bracket(profile, *case) for case in zip(lanes, spans, levels, strict=True)]
     low, high = np.array(brackets).reshape(-1, 2).T
     known, left = np.isfinite(low), profile.left[lanes]
@@ -111,10 +98,6 @@ def fit_edge(profile: Profile, places: Float[np.ndarray, " L"]) -> Edge | None:
     """Return the line through the places where lanes jump; None where fewer than three lanes agree.
 
     Theil-Sen: the median slope between two lanes, then least squares over the lanes within 5 cm.
-
-    Args:
-        profile: heights along the way.
-        places: s of the jump in every lane of the way [m]; nan without one.
     """
     left = profile.left[profile.on_way]
     known = np.flatnonzero(np.isfinite(places))

@@ -136,16 +136,6 @@ def find_gap(
     Nothing but the surface is looked at: not the course that an arena may know. Every lane of the way is searched by
     itself; the edges are lines through the lanes. The way is turned until it is perpendicular to them, unless its
     direction is given.
-
-    Args:
-        arena: what was scanned.
-        organism: what has to cross it; a gap narrower than half of a module is none to it. None for one Scout.
-        direction: (x, y) of the way; None for the longer side of the surface, then the shorter one.
-        search: what counts as a gap; None for the defaults.
-        start: (x, y) where the way begins; None for the middle of the surface's rim.
-
-    Raises:
-        TaskError: there is none; the message gives the reason.
     """
     search = search or GapSearch()
     least = (organism or Organism(1)).scout.size[0] / 2

@@ -92,17 +92,7 @@ def find_ramp(
     direction: Sequence[float] | np.ndarray | None = None,
     search: RampSearch | None = None,
 ) -> Ramp:
-    """Find the first ramp that leads up on the way across a surface.
-
-    Args:
-        arena: what was scanned; its course, if it knows one, is not looked at.
-        organism: what has to climb it; None for any body.
-        direction: (x, y) of the way; None for the longer side of the surface.
-        search: what counts as a ramp; None for the defaults.
-
-    Raises:
-        TaskError: there is none, or only steeper ones than the organism climbs; the message gives the reason.
-    """
+    """Find the first ramp that leads up on the way across a surface."""
     ramps = [ramp for ramp in find_ramps(read_profile(arena, direction), search) if ramp.rise > 0]
     if not ramps:
         raise TaskError(f"no ramp that leads up on the way across arena {arena.name!r}")

@@ -112,17 +112,7 @@ def find_step(
     direction: Sequence[float] | np.ndarray | None = None,
     search: StepSearch | None = None,
 ) -> Step:
-    """Find the first step that leads up on the way across a surface.
-
-    Args:
-        arena: what was scanned; its course, if it knows one, is not looked at.
-        organism: what has to climb it; what it drives over without noticing, a track's radius, is no step to it.
-        direction: (x, y) of the way; None for the longer side of the surface.
-        search: what counts as a step; None for the defaults.
-
-    Raises:
-        TaskError: there is none; the message gives the reason.
-    """
+    """Find the first step that leads up on the way across a surface."""
     search = search or StepSearch()
     steps = find_steps(read_profile(arena, direction, WaySearch(step=search.step)), search)
     least = _find_least(organism)
@@ -141,17 +131,7 @@ def find_stairs(
     direction: Sequence[float] | np.ndarray | None = None,
     search: StepSearch | None = None,
 ) -> Stairs:
-    """Find the first stairs on the way across a surface: steps of about the same rise and run.
-
-    Args:
-        arena: what was scanned; its course, if it knows one, is not looked at.
-        organism: what has to climb them; a step within its track's radius does not count. None for any body.
-        direction: (x, y) of the way; None for the longer side of the surface.
-        search: what counts as stairs; None for the defaults.
-
-    Raises:
-        TaskError: there are none; the message gives the reason.
-    """
+    """Find the first stairs on the way across a surface: steps of about the same rise and run."""
     search = search or StepSearch()
     profile = read_profile(arena, direction, WaySearch(step=search.step))
     steps = [step for step in find_steps(profile, search) if step.rise > _find_least(organism)]

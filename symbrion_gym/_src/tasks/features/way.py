@@ -130,14 +130,7 @@ class Profile:
 def place_along(
     heading: float, lateral: float, s: np.ndarray | float, left: np.ndarray | float = 0.0
 ) -> tuple[Any, Any]:
-    """Return x and y in the world of positions along a straight way and to its left [m].
-
-    Args:
-        heading: direction of the way [rad].
-        lateral: offset of the way to the left of the world's origin [m].
-        s: positions along the way [m].
-        left: offsets to the left of it [m].
-    """
+    """Return x and y in the world of positions along a straight way and to its left [m]."""
     c, n = float(np.cos(heading)), float(np.sin(heading))
     across = lateral + left
     return c * s - n * across, n * s + c * across
@@ -149,18 +142,7 @@ def find_way(
     search: WaySearch | None = None,
     start: Sequence[float] | np.ndarray | None = None,
 ) -> Way:
-    """Find the straight way across a surface, and the width of its ground.
-
-    Args:
-        arena: an arena; its course, if it knows one, is not looked at.
-        direction: (x, y) of the way; None for the longer side of the smallest rectangle around the surface, towards
-            larger x.
-        search: how the way is looked at; None for the defaults.
-        start: (x, y) where the way begins; None for the middle of the surface's rim.
-
-    Raises:
-        TaskError: there is no surface, or no open ground along the way; the message gives the reason.
-    """
+    """Find the straight way across a surface, and the width of its ground."""
     return read_profile(arena, direction, search, start).way
 
 

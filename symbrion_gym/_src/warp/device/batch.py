@@ -51,11 +51,7 @@ class DeviceBatch(WarpBatch):
         return self._flatten(getattr(self._data if hasattr(self._data, name) else self._model, name))
 
     def put_starts(self, values: dict[str, Float[np.ndarray, "K C"]]) -> dict[str, Any]:
-        """Copy starts to the device; return what `begin` takes.
-
-        Args:
-            values: `qpos` and entries of the fields of the model that vary.
-        """
+        """Copy starts to the device; return what `begin` takes."""
         return {
             name: self._wp.array(np.ascontiguousarray(each, dtype=np.float32), device=self._device)
             for name, each in values.items()
@@ -64,13 +60,7 @@ class DeviceBatch(WarpBatch):
     def begin(
         self, starts: dict[str, Any], mask: Bool[jax.Array, " nsim"], numbers: Int[jax.Array, " nsim"]
     ) -> None:
-        """Begin episodes in some simulations.
-
-        Args:
-            starts: from `put_starts`.
-            mask: which simulations.
-            numbers: start of each of them.
-        """
+        """Begin episodes in some simulations."""
         from symbrion_gym._src.warp.kernels import clear_chosen, write_chosen
 
         chosen = [give_to_warp(self._wp, each) for each in (mask, numbers)]
@@ -94,13 +84,7 @@ class DeviceBatch(WarpBatch):
         surface: Float[jax.Array, "nsim T"] | None,
         nstep: int,
     ) -> dict[str, jax.Array]:
-        """Step all simulations; return their state by the names of `MjData`, as views until the next call.
-
-        Args:
-            control: controls of the actuators.
-            surface: rates of what drives, where they change [rad/s].
-            nstep: number of physics steps.
-        """
+        """Step all simulations; return their state by the names of `MjData`, as views until the next call."""
         self._kept += [control, surface]
         with self._wp.ScopedDevice(self._device):
             if control.shape[1]:

@@ -15,14 +15,7 @@ from symbrion_gym._src.errors import OptionError
 
 
 def find_jax_device(device: Any) -> Any:
-    """Return the device of JAX that is a device of Warp.
-
-    Args:
-        device: of Warp.
-
-    Raises:
-        OptionError: JAX does not see it.
-    """
+    """Return the device of JAX that is a device of Warp."""
     kind, ordinal = ("cpu", 0) if device.is_cpu else ("cuda", device.ordinal)
     try:
         return jax.devices(kind)[ordinal]

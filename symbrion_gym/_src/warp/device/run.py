@@ -88,14 +88,7 @@ class DeviceRun:
             return RunState(episode, jnp.ones(self._num, dtype=bool), jax.random.key(seed % 2**32))
 
     def check(self, starts: Episode) -> None:
-        """Trace a tick, so that terms that do not run on a device are refused before anything is compiled.
-
-        Args:
-            starts: any.
-
-        Raises:
-            TaskError: with the name of the task.
-        """
+        """Trace a tick, so that terms that do not run on a device are refused before anything is compiled."""
         model, num = self._world.model, self._num
         sizes = {
             "qpos": model.nq,
@@ -119,14 +112,7 @@ class DeviceRun:
     def restart(
         self, state: RunState, starts: Episode, mask: Bool[jax.Array, " N"], numbers: Int[jax.Array, " N"]
     ) -> RunState:
-        """Begin episodes in some simulations.
-
-        Args:
-            state: before.
-            starts: episodes at their starts.
-            mask: which simulations.
-            numbers: start of each of them.
-        """
+        """Begin episodes in some simulations."""
         return self._restart(state, starts, mask, numbers)
 
     def describe(self, state: RunState, mask: Bool[jax.Array, " N"]) -> dict[str, Any]:
@@ -140,14 +126,7 @@ class DeviceRun:
     def finish(
         self, state: RunState, commanded: Episode, physics: dict[str, jax.Array], starts: Episode
     ) -> tuple[RunState, StepResult]:
-        """Return how a tick ended whose physics has just been stepped, after automatic resets.
-
-        Args:
-            state: before the tick.
-            commanded: what `command` returned.
-            physics: state of all simulations, by the names of `MjData`.
-            starts: episodes at the starts from which automatic resets choose.
-        """
+        """Return how a tick ended whose physics has just been stepped, after automatic resets."""
         return self._finish(state, commanded, physics, starts)
 
     def _finish_tick(

@@ -49,15 +49,7 @@ class StartingEnv(OrganismVectorEnv):
         return self._episodes
 
     def draw(self, seeds: Sequence[Any], options: Sequence[Mapping[str, Any]]) -> Starts:
-        """Lay down one body for each seed.
-
-        Args:
-            seeds: of the generators.
-            options: reset options of each.
-
-        Raises:
-            OptionError: an unknown option, or a value out of range.
-        """
+        """Lay down one body for each seed."""
         if not self._has_called:
             self._call_all()
         parts = [
@@ -150,14 +142,7 @@ def join_rows(parts: Sequence[Starts]) -> Starts:
 
 
 def spread_rows(starts: Starts, rows: Int[np.ndarray, " R"], num: int, before: Starts | None) -> Starts:
-    """Return starts of all simulations, of which some are new.
-
-    Args:
-        starts: the new ones.
-        rows: their simulations.
-        num: number of simulations.
-        before: those of the others; None for nothing.
-    """
+    """Return starts of all simulations, of which some are new."""
 
     def spread(new: Any, old: Any) -> Any:
         if isinstance(new, dict):

@@ -166,11 +166,7 @@ class DeviceState:
         return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
 
     def remember(self, name: str, initial: Any) -> jax.Array:
-        """Return what a term remembers; it was begun on the host, with the episode.
-
-        Raises:
-            TaskError: it was not, as the term remembers it under some conditions alone.
-        """
+        """Return what a term remembers; it was begun on the host, with the episode."""
         del initial
         if name not in self.memory:
             raise TaskError(f"a term remembers {name!r} in some ticks alone; call remember() in every tick")

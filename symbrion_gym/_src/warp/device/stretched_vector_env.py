@@ -64,11 +64,7 @@ class StretchedVectorEnv(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Lay the organisms down at their starts; see `DeviceVectorEnv.reset`.
-
-        Raises:
-            OptionError: an unknown option, as `stretch`, or not one value for each simulation.
-        """
+        """Lay the organisms down at their starts; see `DeviceVectorEnv.reset`."""
         options = dict(options or {})
         if "stretch" in options:
             raise OptionError("each simulation keeps its stretch, which envs.stretch has; leave out stretch")
@@ -96,11 +92,7 @@ class StretchedVectorEnv(VectorEnv[Any, Any, Any]):
         return any(part.is_before_reset for part in self.parts)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Let a tick pass in every simulation that is not done; see `DeviceVectorEnv.step`.
-
-        Raises:
-            OptionError: actions of another shape, or no reset before.
-        """
+        """Let a tick pass in every simulation that is not done; see `DeviceVectorEnv.step`."""
         actions = take_actions(actions, self.parts[0].batch.jax_device)
         if actions.shape != self.action_space.shape:
             raise OptionError(f"actions have shape {self.action_space.shape}, got {actions.shape}")

@@ -96,12 +96,7 @@ class DeviceTick:
         return jnp.broadcast_to(speed, (len(speed), modules, wheels)).reshape(len(speed), -1)
 
     def finish(self, episode: Episode, physics: Any) -> Ended:
-        """Return how a tick ended whose physics has just been stepped.
-
-        Args:
-            episode: after `command`.
-            physics: state of all simulations, a `Physics` of arrays of JAX.
-        """
+        """Return how a tick ended whose physics has just been stepped."""
         world, course = self._world, self.course
         state = DeviceState(
             course,

@@ -98,16 +98,7 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Lay the organisms down at their starts.
-
-        Args:
-            seed: simulation i gets `seed + i`, or `seed[i]`.
-            options: those of `OrganismVectorEnv`; `reset_mask` on the host. Values of each simulation's own need the
-                mode "Disabled".
-
-        Raises:
-            OptionError: an unknown option, or not one value for each simulation.
-        """
+        """Lay the organisms down at their starts."""
         options = dict(options or {})
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
         if mask.shape != (self.num_envs,):
@@ -191,14 +182,7 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         return self._convert(self._state.episode.observation), convert_all(info, self.array)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Move the targets of the hinges and let a tick pass in every simulation that is not done.
-
-        Args:
-            actions: `[num_envs, A]`, an array of JAX, torch or NumPy.
-
-        Raises:
-            OptionError: actions of another shape, or no reset before.
-        """
+        """Move the targets of the hinges and let a tick pass in every simulation that is not done."""
         if self._state is None or self._pool is None:
             raise OptionError("reset the environment before its first step")
         actions = take_actions(actions, self.batch.jax_device)
@@ -247,11 +231,7 @@ def _to_single(space: Any) -> spaces.Box:
 
 
 def _refuse_options(options: Mapping[str, Any], array: str) -> None:
-    """Refuse options that need the host.
-
-    Raises:
-        OptionError: with the first of them.
-    """
+    """Refuse options that need the host."""
     for name in ("render_mode", "recorders", "timers"):
         if options.get(name):
             raise OptionError(f"array={array!r} has no {name}; leave out array, or {name}")
