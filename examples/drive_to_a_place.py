@@ -8,7 +8,7 @@ import symbrion_gym as sg
 def drive(arena: sg.Arena, start: tuple[float, float], goal: tuple[float, float], near: float = 0.05) -> bool:
     """Return whether a single Scout gets from start to goal, (x, y) [m]."""
     path = arena.find_route(start=start, goal=goal).path[:, :2]
-    env = sg.SnakePitEnv(arena=arena, modules=1, track_control="skid", start=start, goal=goal, duration=300.0)
+    env = sg.OrganismEnv(arena=arena, modules=1, track_control="skid", start=start, goal=goal, duration=300.0)
     done, _ = False, env.reset(seed=0)
     while not done:
         place, forward = env.physics.position[0, 0, :2], env.physics.rotation[0, 0, [0, 3]]

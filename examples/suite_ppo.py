@@ -27,7 +27,7 @@ from evolution._src.suite.running import fill_submission
 from evolution._src.suite.submission import Entry, find_score
 from evolution._src.suite.tasks import BUDGET, EXAM_SEED, SUITE, SuiteTask, find_suite_task
 from symbrion_gym._src.adapters.stable_baselines_env import StableBaselinesEnv
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
 CONTROLLER = "evolution._src.controllers.policy_network:PolicyNetwork"
@@ -63,7 +63,7 @@ def make_envs(task: SuiteTask, trials: Any, network: PolicyNetwork, seed: int) -
     ranges = {name: getattr(random, name) for name in ("friction", "torque_scale", "start_offset", "yaw")}
     options = make_environment_options(trials) | {"frame_skip": 4 * HOLD, "randomize": ranges}
     envs = StableBaselinesEnv(
-        SnakePitVectorEnv(NUM_ENVS, num_threads=1, autoreset_mode=AutoresetMode.SAME_STEP, **options)
+        OrganismVectorEnv(NUM_ENVS, num_threads=1, autoreset_mode=AutoresetMode.SAME_STEP, **options)
     )
     envs.seed(1000 * (seed + 1))
     return VecNormalize(Steered(envs, network), clip_obs=np.inf, gamma=SETTINGS["gamma"])

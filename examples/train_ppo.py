@@ -1,7 +1,7 @@
 """Train PPO to cross the pit of a scanned arena; save, judge and film the policy.
 
     pip install "symbrion-gym[rl,report]"
-    python examples/train_ppo.py --arena gsrm --steps 200000 --out runs/ppo
+    python examples/train_ppo.py --arena scan --steps 200000 --out runs/ppo
     python examples/train_ppo.py --load runs/ppo --judge truth --film ppo.mp4
 
 The policy is trained on the scan. It is judged by the strict success check on starts that it has never met, on the scan
@@ -20,12 +20,12 @@ import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
+import reconstruction as rc
 import symbrion_gym as sg
 
 ID = "symbrion_gym/SnakePit-v1"
 OPTIONS: dict[str, Any] = {
     "modules": 8,
-    "pit": 0.40,
     "start": "pit",
     "duration": 30.0,
     "stuck_time": 6.0,
@@ -33,16 +33,28 @@ OPTIONS: dict[str, Any] = {
     "sensors": ("hinge_angle", "pitch", "roll", "ir", "contact", "odometry"),
     "randomize": {"friction": (0.55, 0.7), "start_offset": (-0.05, 0.05), "yaw": (-0.05, 0.05)},
 }
+PIT = 0.40
+"""Width of the pit [m]."""
 FRESH_SEED = 10_000
 """Seeds of the starts on which policies are judged; training uses small ones."""
 Policy = Callable[[np.ndarray], np.ndarray]
+
+
+def find_place(name: str) -> sg.Arena | str:
+    """Return the true course with this pit, a scan of it ("scan"), or any other arena."""
+    if name not in ("truth", "scan"):
+        return name
+    truth = sg.load_arena("truth", pit=PIT)
+    if name == "truth":
+        return truth
+    return sg.make_arena(rc.reconstruct(rc.thin(rc.preprocess(sg.survey(truth, seed=0)), 0.015)))
 
 
 def train(
     arena: str, steps: int, num_envs: int = 32, seed: int = 0, verbose: int = 1
 ) -> tuple[PPO, VecNormalize]:
     """Return a trained policy and the wrapper that normalizes its observations."""
-    adapted = sg.make_sb3_env(ID, num_envs, seed=seed, arena=arena, **OPTIONS)
+    adapted = sg.make_sb3_env(ID, num_envs, seed=seed, arena=find_place(arena), **OPTIONS)
     envs = VecNormalize(VecMonitor(adapted, info_keywords=("is_success",)), clip_obs=5.0, gamma=0.995)
     model = PPO(
         "MlpPolicy",
@@ -82,7 +94,7 @@ def load(folder: Path) -> Policy:
 
 def judge(policy: Policy, arena: str, trials: int = 50, seed: int = FRESH_SEED) -> tuple[int, float]:
     """Return the number of strict successes in trials from fresh starts, and the mean progress [m]."""
-    envs = sg.SnakePitVectorEnv(trials, autoreset_mode="Disabled", arena=arena, **OPTIONS)
+    envs = sg.OrganismVectorEnv(trials, autoreset_mode="Disabled", arena=find_place(arena), **OPTIONS)
     observation, info = envs.reset(seed=seed)
     done = np.zeros(trials, dtype=bool)
     while not done.all():
@@ -112,13 +124,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--arena", default="gsrm", help="where it is trained")
+    parser.add_argument(
+        "--arena", default="scan", help="where it is trained: scan, truth, or an arena of yours"
+    )
     parser.add_argument("--steps", type=int, default=200_000, help="decisions")
     parser.add_argument("--envs", type=int, default=32)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("runs/ppo"), help="folder of the policy")
     parser.add_argument("--load", type=Path, help="folder of a policy: train nothing")
-    parser.add_argument("--judge", nargs="+", default=["gsrm", "truth"], help="arenas in which it is judged")
+    parser.add_argument("--judge", nargs="+", default=["scan", "truth"], help="arenas in which it is judged")
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--film", type=Path, help="video file")
     options = parser.parse_args()

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.object_placing import place_objects
     from symbrion_gym._src.arenas.tiles import load_tiles
     from symbrion_gym._src.environment.organism_env import OrganismEnv
-    from symbrion_gym._src.environment.snake_pit import SnakePitEnv
-    from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+    from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
     from symbrion_gym._src.errors import ArenaError, OrganismError, SymbrionGymError, TaskError
     from symbrion_gym._src.robot.belts import add_tracks
     from symbrion_gym._src.robot.body_plans import load_organism, organism_to_text
@@ -61,12 +60,11 @@ __all__ = [
     "Organism",
     "OrganismEnv",
     "OrganismError",
+    "OrganismVectorEnv",
     "RangeFinder",
     "Reward",
     "ScoutConfig",
     "SlipNoise",
-    "SnakePitEnv",
-    "SnakePitVectorEnv",
     "StairsCourse",
     "SurveyRobot",
     "SymbrionGymError",

@@ -23,7 +23,7 @@ import gymnasium as gym, numpy as np, sys
 from importlib.util import find_spec
 assert not [name for name in {MODULES} if name in sys.modules or find_spec(name)], "more than the core is installed"
 import evolution as ev, reconstruction as rc, symbrion_gym as sg
-env = gym.make("symbrion_gym/SnakePit-v0", arena="gsrm", modules=3)
+env = gym.make("symbrion_gym/SnakePit-v1", arena="gsrm", modules=3)
 env.reset(seed=0)
 env.step(env.action_space.sample())
 x, y = (part.ravel() for part in np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-0.5, 0.5, 20)))

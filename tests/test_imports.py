@@ -18,7 +18,7 @@ OPTIONAL |= {"collada", "laspy", "lazrs", "pye57", "mujoco_warp", "torch", "warp
 LIBRARIES = {"coacd", "cma", "fast_simplification", "igl", "jax", "manifold3d"}
 BASE = {"mujoco", "scipy", "trimesh"}
 COMMAND_LINE = {"rich", "tyro"}
-ARENA = "import gymnasium, symbrion_gym; gymnasium.make('symbrion_gym/SnakePit-v0', arena='gsrm', modules=3)"
+ARENA = "import gymnasium, symbrion_gym; gymnasium.make('symbrion_gym/SnakePit-v1', arena='gsrm', modules=3)"
 
 
 def find_loaded(program: str, *, wanted_code: int = 0) -> set[str]:

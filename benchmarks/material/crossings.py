@@ -7,7 +7,7 @@ import cma
 import numpy as np
 
 from evolution._src.controllers.controller import make_controller
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.tasks.audit import Trajectory, audit
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
@@ -56,7 +56,7 @@ def find_start(law: str, modules: int) -> np.ndarray:
     return np.array(make_controller(law, modules).initial)
 
 
-def make_act(envs: SnakePitVectorEnv, genotypes: np.ndarray, law: str = LAWS[0]) -> Act:
+def make_act(envs: OrganismVectorEnv, genotypes: np.ndarray, law: str = LAWS[0]) -> Act:
     """Return the function that computes the actions of controllers, one per simulation."""
     hinges, structure = envs.world.num_hinges, envs.observation_structure
     if law == LAWS[0]:
@@ -73,7 +73,7 @@ def make_act(envs: SnakePitVectorEnv, genotypes: np.ndarray, law: str = LAWS[0])
 
 
 def cross(
-    envs: SnakePitVectorEnv,
+    envs: OrganismVectorEnv,
     genotypes: np.ndarray,
     conditions: dict[str, Any],
     keep: bool = False,
@@ -127,7 +127,7 @@ def draw_controllers(seed: int, count: int) -> np.ndarray:
 
 
 def evolve(
-    envs: SnakePitVectorEnv, seed: int, generations: int, law: str = LAWS[0], keep: bool = False
+    envs: OrganismVectorEnv, seed: int, generations: int, law: str = LAWS[0], keep: bool = False
 ) -> list[list[tuple[np.ndarray, Crossing]]]:
     """Run CMA-ES, half as many genotypes as simulations, two trials each; return generations of trials."""
     population = envs.num_envs // 2

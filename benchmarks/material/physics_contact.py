@@ -11,8 +11,8 @@ import evolution as ev
 from benchmarks.material.crossings import cross, draw_conditions, draw_controllers
 from benchmarks.report import load_record
 from symbrion_gym._src.environment.config import CONTACTS
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 
 _TICKS = 100
 
@@ -22,7 +22,7 @@ def measure_step_ratio(arena: str, rounds: int) -> float:
 
     Side by side, the same action; medians over rounds, as the machine is shared.
     """
-    envs = {contact: SnakePitEnv(arena=arena, modules=8, contact=contact) for contact in CONTACTS}
+    envs = {contact: OrganismEnv(arena=arena, modules=8, contact=contact) for contact in CONTACTS}
     spent: dict[str, list[float]] = {contact: [] for contact in CONTACTS}
     for _ in range(rounds):
         for contact, env in envs.items():
@@ -38,7 +38,7 @@ def compare_crossings(count: int, pit: float) -> dict[str, int]:
     """Return how many random controllers cross a pit with either contact, and for how many the outcome is the same."""
     outcomes = []
     for contact in CONTACTS:
-        envs = SnakePitVectorEnv(
+        envs = OrganismVectorEnv(
             count, modules=6, start="pit", stuck_time=6.0, autoreset_mode="Disabled", pit=pit, contact=contact
         )
         conditions = draw_conditions(np.random.default_rng(1), count)

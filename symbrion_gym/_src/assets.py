@@ -4,9 +4,9 @@ from pathlib import Path
 
 from symbrion_gym._src.errors import ArenaError
 
-SCANNED_PITS = {"gsrm": (0.45, 0.40), "gg": (0.45, 0.40)}
-"""Widths of the pit [m] with which each scanned arena comes with the package, the default first."""
-NAMED_ARENAS = ("truth", "simple", "stairs", *SCANNED_PITS)
+SCANNED = ("gsrm", "gg")
+"""The arenas that were made of a scan of the default course, one by each network."""
+NAMED_ARENAS = ("truth", "simple", "stairs", *SCANNED)
 
 
 def find_assets() -> Path:

@@ -8,11 +8,9 @@ from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.scans.preprocess import preprocess, thin
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.loading import find_scanned_name, load_arena
+from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.arenas.saving import find_own_files
-from symbrion_gym._src.assets import SCANNED_PITS
 from symbrion_gym._src.sensing.survey import survey
 
 
@@ -42,22 +40,17 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
 
     The course is looked at by the scanner of the survey alone; the arenas made of its points know nothing of it.
     """
-    scanned = [find_scanned_name(method, pit) for method, pits in SCANNED_PITS.items() for pit in pits]
-    for name in (*EXACT, *scanned):
+    for name in (*EXACT, *RECIPES):
         find_own_files(folder / name)  # refuses now what saving would refuse in the end
     arenas = {name: load_arena(name) for name in EXACT}
-    pits = dict.fromkeys(pit for pits in SCANNED_PITS.values() for pit in pits)
-    for index, pit in enumerate(pits):
-        progress(f"survey of a pit of {pit:.2f} m", index / len(pits))
-        course = Course(pit=pit)
-        points = thin(preprocess(survey(load_arena("truth", course), seed=seed)), SPACING)
-        for method, recipe in RECIPES.items():
-            name = find_scanned_name(method, pit)
-            progress(f"{name}: network and pieces", (index + 0.6) / len(pits))
-            mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
-            made = make_arena(mesh, name=method, seed=seed, time_limit=TIME_LIMIT)
-            # Equal seeds make equal files: the time it took is left out.
-            arenas[name] = replace(made, quality=replace(made.quality, seconds=0.0))
+    progress("survey", 0.0)
+    points = thin(preprocess(survey(arenas["truth"], seed=seed)), SPACING)
+    for index, (method, recipe) in enumerate(RECIPES.items(), 1):
+        progress(f"{method}: network and pieces", index / (1 + len(RECIPES)))
+        mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
+        made = make_arena(mesh, name=method, seed=seed, time_limit=TIME_LIMIT)
+        # Equal seeds make equal files: the time it took is left out.
+        arenas[method] = replace(made, quality=replace(made.quality, seconds=0.0))
     for name, arena in arenas.items():
         arena.save(folder / name)
     progress("done", 1.0)

@@ -41,14 +41,7 @@ _LONE = {"default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _FALLEN = {"default_organism": "cross", "track_control": "skid"}
 _GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
 _SPECS: dict[str, tuple[dict[str, Any], float]] = {
-    "SnakePit-v0": ({"default_pit": 0.40}, 3.2),
     "SnakePit-v1": ({**_SNAKE_V1, "randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
-    "SnakeRamp-v0": ({"arena": "truth", "pit": 0.0}, 4.2),
-    "SnakeStairs-v0": ({"arena": "stairs"}, 2.6),
-    "SnakeTerrain-v0": (
-        {"arena": "gsrm", "default_pit": 0.40, "default_ends": _PLATEAUS},
-        2.0,
-    ),
     "SnakeRamp-v1": ({**_DRIVEN, "arena": "truth", "pit": 0.0}, 4.2),
     "SnakeStairs-v1": ({**_DRIVEN, "arena": "stairs"}, 2.6),
     "SnakeTerrain-v1": ({**_DRIVEN, "arena": "gsrm", "default_ends": _PLATEAUS}, 2.0),

@@ -16,7 +16,7 @@ from benchmarks.material.physics_theory import (
 )
 from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate, make_contacts
 from benchmarks.material.physics_worlds import GRAVITY, Bench, World
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.sliding_loads import find_load_gain, find_sliding_rate
 
@@ -160,11 +160,11 @@ def test_equal_worlds_give_equal_bits() -> None:
 
 def test_bench_has_the_options_of_the_environment() -> None:
     for contact in ("pyramidal", "elliptic"):
-        bench, env = Bench(World(modules=2, contact=contact)), SnakePitEnv(modules=2, contact=contact)
+        bench, env = Bench(World(modules=2, contact=contact)), OrganismEnv(modules=2, contact=contact)
         for name in ("timestep", "integrator", "solver", "cone", "jacobian", "impratio", "disableflags"):
             assert getattr(bench.model.opt, name) == getattr(env.model.opt, name), name
 
 
 def test_unknown_contact_is_refused() -> None:
     with pytest.raises(OptionError, match="pyramidal"):
-        SnakePitEnv(contact="round")
+        OrganismEnv(contact="round")

@@ -10,7 +10,7 @@ from own_controllers import Hold, Wave
 
 import evolution as ev
 from evolution._src.cli.main import main
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 TINY = {
     "arena": "truth",
@@ -47,7 +47,7 @@ def test_it_is_evaluated_judged_played_and_a_policy(run):
     assert not ev.judge(run.champion, "truth", trials=2).error
     recording = ev.play(run.champion, "truth")
     assert np.isfinite(recording.progress)
-    env = SnakePitEnv(modules=4, duration=0.4, sensors=("hinge_angle",))
+    env = OrganismEnv(modules=4, duration=0.4, sensors=("hinge_angle",))
     policy = ev.ChampionPolicy(run.champion, env.observation_structure)
     observation, _ = env.reset(seed=0)
     rows = np.stack([observation, observation])

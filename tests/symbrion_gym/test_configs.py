@@ -46,4 +46,4 @@ def test_errors_have_one_base():
         assert issubclass(error, sg.SymbrionGymError)
         assert issubclass(error, ValueError)
     with pytest.raises(sg.SymbrionGymError, match="no 'wings'"):
-        sg.SnakePitEnv(wings=2)
+        sg.OrganismEnv(wings=2)

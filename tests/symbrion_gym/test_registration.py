@@ -9,8 +9,6 @@ from symbrion_gym._src.arenas.course import StairsCourse
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.registration import ENVIRONMENTS, register
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*out of date")  # Gymnasium says so of every v0 that has a v1
-
 
 def test_registering_twice_changes_nothing():
     before = dict(gym.registry)
@@ -19,34 +17,33 @@ def test_registering_twice_changes_nothing():
     assert set(ENVIRONMENTS) <= set(gym.registry)
 
 
-@pytest.mark.parametrize(("version", "pit"), [("v0", 0.40), ("v1", 0.45)])
 @pytest.mark.parametrize("arena", ["truth", "simple", "gsrm", "gg"])
-def test_each_version_has_its_pit(version, pit, arena):
-    env = gym.make(f"symbrion_gym/SnakePit-{version}", arena=arena, modules=2)
+def test_the_pit_is_the_default_one(arena):
+    env = gym.make("symbrion_gym/SnakePit-v1", arena=arena, modules=2)
     near, far, _ = env.unwrapped.world.route.pit
     is_scanned = env.unwrapped.world.arena.course is None
     assert is_scanned == (arena in ("gsrm", "gg"))
-    assert far - near == pytest.approx(pit, abs=0.003 if is_scanned else 1e-9)
-    narrower = gym.make(f"symbrion_gym/SnakePit-{version}", arena="truth", pit=0.3, modules=2)
+    assert far - near == pytest.approx(0.45, abs=0.003 if is_scanned else 1e-9)
+    narrower = gym.make("symbrion_gym/SnakePit-v1", arena="truth", pit=0.3, modules=2)
     assert narrower.unwrapped.world.arena.course.pit == 0.3
 
 
 def test_a_pit_that_no_scan_has_is_refused():
-    with pytest.raises(ArenaError, match=r"0\.45 and 0\.40 m, got 0\.3"):
+    with pytest.raises(ArenaError, match=r"its own pit; pit=0\.3"):
         gym.make("symbrion_gym/SnakePit-v1", arena="gsrm", pit=0.3)
 
 
 def test_stairs_can_be_climbed_and_the_ramp_crossed():
-    """With the zero controller, which needs nothing but its tracks on low steps."""
+    """With the hinges straight and the tracks at full speed, on low steps."""
     low = Arena.from_course(StairsCourse(steps=2, rise=0.012), "low stairs")
     for name, options in (
-        ("symbrion_gym/SnakeStairs-v0", {"arena": low}),
-        ("symbrion_gym/SnakeRamp-v0", {"track_speed": 0.3}),
+        ("symbrion_gym/SnakeStairs-v1", {"arena": low}),
+        ("symbrion_gym/SnakeRamp-v1", {"track_speed": 0.3}),
     ):
         env = gym.make(name, modules=4, **options)
         env.reset(seed=0)
         while True:
-            *_, terminated, truncated, info = env.step(np.zeros(3))
+            *_, terminated, truncated, info = env.step(np.array([0.0, 0.0, 0.0, 1.0]))
             if terminated or truncated:
                 break
         assert info["success"], (name, info)

@@ -28,13 +28,6 @@ def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: o
     return found
 
 
-def open_options(content: Any) -> Any:
-    """Return the JSON content of a config or champion with the object of its options as a list of pairs."""
-    if isinstance(content, dict) and isinstance(content.get("environment"), dict):
-        return content | {"environment": list(content["environment"].items())}
-    return content
-
-
 def _freeze(value: Any) -> Any:
     return tuple(map(_freeze, value)) if isinstance(value, list | tuple) else value
 

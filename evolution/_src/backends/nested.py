@@ -1,7 +1,7 @@
 """Configurations made of parts, whose fields can also be given and read as if they were the configuration's own."""
 
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, replace
 from typing import Any, ClassVar
 
@@ -83,11 +83,6 @@ class Nested:
         holder = _find_holder(type(self), name)
         part = value if holder is None else replace(getattr(self, holder), **{name: value})
         object.__setattr__(self, holder or name, part)
-
-    def set_fields(self, pairs: Iterable[tuple[str, Any]]) -> None:
-        """Set several fields; only while it is made."""
-        for name, value in pairs:
-            self.set_field(name, value)
 
 
 def _list_part(cls: type[Nested], each: Field[Any]) -> tuple[str, ...]:

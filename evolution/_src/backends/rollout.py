@@ -21,7 +21,7 @@ from evolution._src.backends.trials import CONDITIONS, Job, RolloutConfig, Trial
 from evolution._src.controllers.protocol import Controller, reset_rows
 from evolution._src.errors import NoEnvironmentError, RunError
 from symbrion_gym._src.environment.models import LayoutError
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 
 
 class Trial(NamedTuple):
@@ -55,7 +55,7 @@ class TrialResult(NamedTuple):
     records: Records | None = None
 
 
-_environments: OrderedDict[Hashable, SnakePitVectorEnv] = OrderedDict()
+_environments: OrderedDict[Hashable, OrganismVectorEnv] = OrderedDict()
 """Vector environments of this process, the one used last at the end."""
 _separate: set[Hashable] = set()
 """Arenas whose stretched versions do not fit into one vector environment."""
@@ -138,7 +138,7 @@ def split_job(index: int, job: Job) -> list[Trial]:
 
 def _group_by_environment(
     conditions: Trials, trials: Sequence[Trial], threads: int, config: RolloutConfig, engine: str
-) -> Iterator[tuple[SnakePitVectorEnv, list[Trial]]]:
+) -> Iterator[tuple[OrganismVectorEnv, list[Trial]]]:
     """Yield environments and their trials: one for all stretches, or one each where they are too different."""
     key = find_environment_key(conditions), engine
     stretches = tuple(sorted(set(conditions.randomization.stretch)))
@@ -162,7 +162,7 @@ def _find_environment(
     threads: int,
     config: RolloutConfig,
     engine: str,
-) -> SnakePitVectorEnv:
+) -> OrganismVectorEnv:
     """Return a large enough environment, a new one or one that was used before."""
     on_device = engine != "mujoco"
     sizes = _list_device_sizes(num_trials) if on_device else config.batch_sizes
@@ -175,7 +175,7 @@ def _find_environment(
             _environments.popitem(last=False)[1].close()
         try:
             controller = find_trial_controller(conditions)
-            make = partial(make_device_environment, controller) if on_device else SnakePitVectorEnv
+            make = partial(make_device_environment, controller) if on_device else OrganismVectorEnv
             _environments[key] = make(
                 num_envs=size,
                 num_threads=None if on_device else threads,
@@ -197,7 +197,7 @@ def _list_device_sizes(num_trials: int) -> list[int]:
 
 
 def _run_trials(
-    environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
+    environment: OrganismVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
     if is_on_device(environment):
         return _run_all(environment, controller, trials)
@@ -240,7 +240,7 @@ def _run_trials(
 
 
 def _run_all(
-    environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
+    environment: OrganismVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
     """Run trials side by side on a device, which has room for all of them."""
     num_envs = environment.num_envs
@@ -262,7 +262,7 @@ def _run_all(
 
 
 def _start_trials(
-    environment: SnakePitVectorEnv,
+    environment: OrganismVectorEnv,
     waiting: deque[Trial],
     running: list[Trial | None],
     genotypes: Float[np.ndarray, "E G"],

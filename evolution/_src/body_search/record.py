@@ -39,11 +39,6 @@ class BodyRecord:
         """Simulated time of all lessons [s]."""
         return sum(lesson.seconds for lesson in self._lessons.values())
 
-    @property
-    def num_evaluations(self) -> int:
-        """Genotypes tried while learning, those of unfinished rungs included."""
-        return sum(len(fitness) for history in self._generations.values() for fitness in history)
-
     def find(self, key: str, rung: int) -> Lesson | None:
         """Return what a pupil knew at the end of a rung; None if it never came there."""
         return self._lessons.get((key, rung))

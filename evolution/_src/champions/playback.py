@@ -18,7 +18,7 @@ from evolution._src.limits import MAX_TRIALS
 from evolution._src.search.stored_config import restore
 from evolution._src.search.validation import Champion
 from reconstruction._src.base.range_checks import as_integers
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 if TYPE_CHECKING:
     from evolution._src.backends.parts import Point
@@ -131,7 +131,7 @@ def play(
         ValueError: the environment cannot be made; `ArenaError` and `OrganismError` are among them.
     """
     conditions = make_champion_trials(champion, arena, start, allow)
-    environment = SnakePitEnv(
+    environment = OrganismEnv(
         render_mode="human" if window else "rgb_array",
         width=size[0],
         height=size[1],
@@ -163,7 +163,7 @@ def make_champion_trials(
 
 
 def _run(
-    environment: SnakePitEnv,
+    environment: OrganismEnv,
     champion: Champion,
     controller: Controller,
     seed: int,
@@ -200,7 +200,7 @@ def _run(
     )
 
 
-def _add_frame(environment: SnakePitEnv, frames: list[UInt8[np.ndarray, "H W 3"]]) -> bool:
+def _add_frame(environment: OrganismEnv, frames: list[UInt8[np.ndarray, "H W 3"]]) -> bool:
     """Render a frame; return whether it was possible."""
     try:
         frame = environment.render()

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from evolution._src.errors import RunError
 
 Structure = Mapping[str, slice]
-"""Where each quantity lies in an observation, as in `SnakePitEnv.observation_structure`."""
+"""Where each quantity lies in an observation, as in `OrganismEnv.observation_structure`."""
 MAX_NAMED_GENES = 12
 """Genes that a message names."""
 

@@ -128,11 +128,6 @@ def find_overview(submissions: Sequence[Submission]) -> list[list[str]]:
     return [line[-1] for line in sorted(lines)]
 
 
-def format_rows(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the rows as text."""
-    return [[row.task, *_format_row(row)] for row in rows]
-
-
 def shorten_rows(rows: Sequence[Row]) -> list[list[str]]:
     """Return the rows as text for a terminal, the name of a task in the first of its rows alone."""
     lines = []

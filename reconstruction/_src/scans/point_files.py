@@ -169,5 +169,3 @@ _PATH_READERS: dict[str, Callable[[Path, float], RawPoints]] = {
     ".gltf": read_mesh_points,
     ".dae": read_mesh_points,
 }
-READABLE = (*_READERS, *_PATH_READERS)
-"""Endings of all files that are read."""

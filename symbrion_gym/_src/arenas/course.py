@@ -32,8 +32,8 @@ class Course:
     """Floor, ramp, plateau, pit, plateau, ramp, floor; the origin is the middle of the pit, x along, z up.
 
     Attributes:
-        pit: width of the pit [m]; 0 leaves it out. The default is one that 8 modules do not cross without control
-            (docs/benchmarks.md), as they do a pit of 0.40 m, that of SnakePit-v0.
+        pit: width of the pit [m]; 0 leaves it out. The default is one that 8 modules do not cross without control,
+            as they do 0.40 m.
         height: height of the plateaus above the floor, and depth of the pit [m].
         floor: length of the level floor on either end [m].
         ramp: length of each ramp along x [m].

@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-import trimesh
 from jaxtyping import Float, Int
 
 from reconstruction._src.base.range_checks import check_not_negative
@@ -96,10 +95,6 @@ class FrictionMap:
     def find_friction(self, places: Float[np.ndarray, "N D"], friction: float) -> Float[np.ndarray, " N"]:
         """Return the sliding friction at every place (x, y, ...), `friction` outside of all patches."""
         return np.array([*(patch.friction for patch in self.patches), friction])[self.find_patches(places)]
-
-    def find_face_patches(self, surface: trimesh.Trimesh) -> Int[np.ndarray, " F"]:
-        """Return the number of the patch of every face, by its middle; -1 outside of all."""
-        return self.find_patches(surface.triangles_center)
 
     def find_limits(self, friction: float) -> tuple[float, float]:
         """Return the ends of the 95 % interval of the arena's own friction."""

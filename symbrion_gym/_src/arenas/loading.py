@@ -10,7 +10,7 @@ from reconstruction._src.base.printable import make_printable
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse, make_simple_surface
 from symbrion_gym._src.arenas.making import make_arena
-from symbrion_gym._src.assets import NAMED_ARENAS, SCANNED_PITS, find_assets
+from symbrion_gym._src.assets import NAMED_ARENAS, SCANNED, find_assets
 from symbrion_gym._src.errors import ArenaError
 
 
@@ -23,27 +23,20 @@ def load_arena(
         name: "truth", "simple" and "stairs" are made in code; "gsrm" and "gg" come with the package. Anything
             else is a path: a folder that `Arena.save` wrote, or a mesh file for `make_arena`. A folder of yours
             with one of these names is `./gsrm`.
-        course: other sizes, for the arenas made in code; which of the scans, by the pit of what was scanned, for those
-            that come with the package, which know nothing else of it; for a mesh file see `make_arena`.
-        pit: width of the pit of a named arena [m], in place of a course with nothing else changed.
+        course: other sizes, for the arenas made in code; for a mesh file see `make_arena`.
+        pit: width of the pit of "truth" or "simple" [m], in place of a course with nothing else changed.
         options: options of `make_arena`, for a mesh file.
 
     Raises:
         ArenaError: there is no such arena, or none with such a pit.
     """
-    if pit is not None and (course is not None or name not in NAMED_ARENAS or name == "stairs"):
+    if pit is not None and (course is not None or name not in ("truth", "simple")):
         raise ArenaError(
-            f"pit={pit} is an option of {', '.join(n for n in NAMED_ARENAS if n != 'stairs')}, without a course; leave "
-            "it out"
+            f"pit={pit} is an option of truth and simple, without a course; scan a course of your own"
         )
     if name in ("truth", "simple", "stairs"):
         return _make_exact(str(name), course if pit is None else Course(pit=pit))
-    width = pit if course is None else getattr(course, "pit", None)
-    path = (
-        _find_scanned(str(name), course is None and pit is None, width)
-        if name in NAMED_ARENAS
-        else Path(name)
-    )
+    path = find_assets() / "arenas" / name if name in SCANNED else Path(name)
     try:
         if path.is_dir():
             return Arena.load(path)
@@ -57,22 +50,6 @@ def load_arena(
         f"no arena {make_printable(name, 200)!r}: neither a folder nor a mesh file, "
         f"nor one of {', '.join(NAMED_ARENAS)}"
     )
-
-
-def find_scanned_name(name: str, pit: float) -> str:
-    """Return the folder of a scanned arena that comes with the package: "gsrm", or "gsrm-0.40" for a pit of 0.40 m."""
-    return name if pit == SCANNED_PITS[name][0] else f"{name}-{pit:.2f}"
-
-
-def _find_scanned(name: str, is_default: bool, pit: float | None) -> Path:
-    pits = SCANNED_PITS[name]
-    pit = pits[0] if is_default else pit
-    if pit not in pits:
-        widths = " and ".join(f"{width:.2f}" for width in pits)
-        raise ArenaError(
-            f"arena {name!r} comes with pits of {widths} m, got {pit}; scan a course of your own"
-        )
-    return find_assets() / "arenas" / find_scanned_name(name, pit)
 
 
 def _make_exact(name: str, course: Course | StairsCourse | None) -> Arena:

@@ -39,9 +39,6 @@ class SlabPassConfig:
     sharing: SharingConfig = field(default_factory=SharingConfig)
 
 
-SLAB_PASS_DEFAULTS = SlabPassConfig()
-
-
 def find_few_planes(
     top: trimesh.Trimesh,
     accuracy: float,

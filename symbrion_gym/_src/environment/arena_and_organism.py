@@ -11,7 +11,7 @@ from typing import Any
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import COURSES, make_course
 from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.assets import NAMED_ARENAS, SCANNED_PITS
+from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import MAX_MODULES, EnvironmentConfig
 from symbrion_gym._src.environment.organism_options import SCOUT_OPTIONS, apply_options
 from symbrion_gym._src.errors import ArenaError, OrganismError
@@ -21,7 +21,7 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 logger = logging.getLogger(__name__)
 _MADE_IN_CODE = ("truth", "simple", "stairs")
-_RESIZABLE = ("truth", "simple", *SCANNED_PITS)
+_RESIZABLE = ("truth", "simple")
 """Named arenas whose pit has a width of choice."""
 
 

@@ -267,7 +267,3 @@ class EnvironmentConfig:
     def dt(self) -> float:
         """Length of a control tick [s]."""
         return self.timestep * self.frame_skip
-
-
-SnakePitConfig = EnvironmentConfig
-"""The former name."""

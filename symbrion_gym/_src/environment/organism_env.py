@@ -98,7 +98,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `arena`               | "truth"   | a name, a folder, a mesh file or an `Arena`                     |
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
     | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
-    | `default_pit`         | None      | None: 0.45 m; SnakePit-v0 and SnakeTerrain-v0 give 0.40         |
+    | `default_pit`         | None      | None: 0.45 m                                                    |
     | `default_ends`        | None      | SnakeTerrain: start and goal in a named arena, if neither is given |
     | `course`              | {}        | sizes of an arena made in code, of `Course` or `StairsCourse`   |
     | `default_course`      | {}        | name of such an arena -> sizes that an id sets                  |

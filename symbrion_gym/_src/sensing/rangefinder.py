@@ -158,24 +158,6 @@ class RangeFinder:
         return np.inf, -1
 
 
-def make_infrared(
-    model: mujoco.MjModel,
-    site: str | int,
-    max_range: float = 0.2,
-    opening: float = np.radians(30.0),
-    num_beams: int = 7,
-    exclude: Iterable[str] | None = None,
-    noise: float = _INFRARED_NOISE,
-) -> RangeFinder:
-    """Make an infrared proximity unit: a cone of beams about the site's x axis; read it by `read_nearest`."""
-    around = np.arange(num_beams - 1) * 2 * np.pi / max(num_beams - 1, 1)
-    radius = np.tan(opening / 2)
-    cone = np.stack([np.ones_like(around), radius * np.cos(around), radius * np.sin(around)], axis=1)
-    directions = np.concatenate([[[1.0, 0.0, 0.0]], cone])
-    scanner = LaserScanner(max_range=max_range, noise=noise, noise_per_meter=0.0, spot=0.0, divergence=0.0)
-    return RangeFinder(model, site, scanner, directions=directions, exclude=exclude)
-
-
 def _find_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str | int) -> int:
     """Return the id of a name, or a checked id."""
     count = model.nsite if kind == mujoco.mjtObj.mjOBJ_SITE else model.nbody

@@ -1,4 +1,4 @@
-"""The task of `SnakePit-v0` and its siblings: get a snake across."""
+"""The task of `SnakePit-v1` and its siblings: get a snake across."""
 
 from __future__ import annotations
 

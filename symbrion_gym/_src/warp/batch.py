@@ -247,12 +247,6 @@ class WarpBatch:
                 self.max_contacts,
             )
 
-    def count_contacts(self) -> Int[np.ndarray, " nsim"]:
-        """Return the number of contacts of every simulation in the last physics step."""
-        count = int(self._data.nacon.numpy()[0])
-        worlds = self._data.contact.worldid.numpy()[:count]
-        return np.bincount(worlds, minlength=self.nsim)
-
     def list_contacts(self) -> list[Int[np.ndarray, "C 2"]]:
         """Return the geoms of the contacts of every simulation in the last physics step."""
         count, contact = int(self._data.nacon.numpy()[0]), self._data.contact

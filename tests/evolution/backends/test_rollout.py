@@ -16,7 +16,7 @@ from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.evaluation import evaluate, make_backend
 from evolution._src.search.loop import evolve
 from evolution._src.search.validation import Champion
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 SHORT = Trials(modules=4, count=3, seed=(4,), environment=(("duration", 3.0),))
 
@@ -50,7 +50,7 @@ def test_the_single_environment_agrees_to_the_bit(law):
     job = Job(np.array(controller.initial), replace(SHORT, controller=law))
     progress, seconds = [], 0.0
     for trial in split_job(0, job):
-        environment = SnakePitEnv(**make_environment_options(job.trials), stretch=trial.stretch)
+        environment = OrganismEnv(**make_environment_options(job.trials), stretch=trial.stretch)
         observation, info = environment.reset(seed=trial.seed, options=dict(trial.conditions))
         state, ended = controller.begin(1), False
         while not ended:
@@ -137,7 +137,7 @@ def champion() -> Champion:
 
 
 def test_a_champion_is_a_policy(champion, tmp_path):
-    environment = SnakePitEnv(modules=4, start="pit", duration=2.0, sensors=SENSORS)
+    environment = OrganismEnv(modules=4, start="pit", duration=2.0, sensors=SENSORS)
     policy = ChampionPolicy(champion, environment.observation_structure)
     observation, info = environment.reset(seed=0)
     state, ended = None, False
@@ -153,7 +153,7 @@ def test_a_champion_is_a_policy(champion, tmp_path):
 
 
 def test_a_policy_forgets_between_episodes_and_refuses_another_body(champion):
-    environment = SnakePitEnv(modules=4, sensors=SENSORS)
+    environment = OrganismEnv(modules=4, sensors=SENSORS)
     policy = ChampionPolicy(champion, environment.observation_structure)
     rows = np.zeros((2, environment.observation_structure["contact"].stop))
     _, state = policy.predict(rows)
@@ -162,4 +162,4 @@ def test_a_policy_forgets_between_episodes_and_refuses_another_body(champion):
     with pytest.raises(RunError, match="lacks contact"):
         ChampionPolicy(champion, {"hinge_angle": slice(0, 3), "pitch": slice(3, 7)})
     with pytest.raises(RunError, match="has 4 modules"):
-        ChampionPolicy(champion, SnakePitEnv(modules=5, sensors=SENSORS).observation_structure)
+        ChampionPolicy(champion, OrganismEnv(modules=5, sensors=SENSORS).observation_structure)

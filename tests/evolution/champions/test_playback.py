@@ -11,7 +11,7 @@ from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.evaluation import make_backend
 from evolution._src.search.loop import evolve
 from evolution._src.search.validation import Champion
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 
 @pytest.fixture
@@ -72,10 +72,10 @@ def test_a_recording_holds_the_whole_body(champion: Champion) -> None:
 def test_without_opengl_there_are_no_frames_and_all_else(
     champion: Champion, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def fail(self: SnakePitEnv) -> None:
+    def fail(self: OrganismEnv) -> None:
         raise RuntimeError("no context")
 
-    monkeypatch.setattr(SnakePitEnv, "render", fail)
+    monkeypatch.setattr(OrganismEnv, "render", fail)
     recording = play(champion, film=True)
     assert recording.frames == []
     assert len(recording.positions) == 100

@@ -11,7 +11,7 @@ from evolution._src.controllers.controller import (
 )
 from evolution._src.controllers.laws import REACTIVE_GENES
 from evolution._src.errors import RunError
-from symbrion_gym._src.environment.config import SnakePitConfig
+from symbrion_gym._src.environment.config import EnvironmentConfig
 
 MODULES = 6
 CONFIG = ControllerConfig()
@@ -100,7 +100,7 @@ def place_head(odometry: float) -> np.ndarray:
 
 def test_touch_lost_for_a_moment_is_touch_and_a_head_beyond_an_edge_lifts_within_half_a_second():
     """A head that drives over an edge goes on by 2.5 cm in that time."""
-    tick = SnakePitConfig().dt
+    tick = EnvironmentConfig().dt
     hanging = np.ones((1, SIZE))
     hanging[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
     genes = make_reactive(front_air=0.8)
@@ -109,7 +109,7 @@ def test_touch_lost_for_a_moment_is_touch_and_a_head_beyond_an_edge_lifts_within
 
 
 def test_a_head_that_is_raised_comes_down_again():
-    tick = SnakePitConfig().dt
+    tick = EnvironmentConfig().dt
     hanging = np.ones((1, SIZE))
     hanging[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
     genes = make_reactive(front_air=0.8)

@@ -21,13 +21,13 @@ SHORT = {"modules": 4, "trials": 2, "duration": 2.0, "controller": "reactive"}
 def compiled(monkeypatch):
     """Sizes of the vector environments made."""
     sizes = []
-    original = rollout.SnakePitVectorEnv
+    original = rollout.OrganismVectorEnv
 
     def make(**options):
         sizes.append(options["num_envs"])
         return original(**options)
 
-    monkeypatch.setattr(rollout, "SnakePitVectorEnv", make)
+    monkeypatch.setattr(rollout, "OrganismVectorEnv", make)
     monkeypatch.setattr(rollout, "_environments", type(rollout._environments)())
     return sizes
 

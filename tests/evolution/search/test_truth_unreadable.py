@@ -59,7 +59,7 @@ def test_the_truth_is_really_out_of_reach(no_truth):
     with pytest.raises(TruthWasRead):
         sg.load_arena("truth")
     with pytest.raises(TruthWasRead):
-        sg.SnakePitEnv(arena="truth")
+        sg.OrganismEnv(arena="truth")
     with pytest.raises(TruthWasRead):
         sg.Course()
 
@@ -73,7 +73,7 @@ def test_evolution_on_a_scan_runs_without_the_truth(no_truth, tmp_path):
 @pytest.mark.parametrize("arena", ["gsrm", "folder"])
 def test_an_environment_on_a_scan_is_made_without_the_truth(no_truth, tmp_path, arena):
     place = tmp_path / "assets" / "arenas" / "gsrm" if arena == "folder" else arena
-    env = sg.SnakePitEnv(arena=place, modules=4, start="pit")
+    env = sg.OrganismEnv(arena=place, modules=4, start="pit")
     env.reset(seed=0)
     _, _, _, _, info = env.step(np.zeros(env.action_space.shape))
     assert info["x_position"] < -0.4

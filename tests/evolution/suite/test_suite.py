@@ -14,7 +14,7 @@ from evolution._src.errors import RunError
 from evolution._src.suite import submission as submission_module
 from evolution._src.suite import tasks as tasks_module
 from evolution._src.suite import verification
-from evolution._src.suite.leaderboard import SHARED, count_wins, find_overview, format_rows, make_page, rank
+from evolution._src.suite.leaderboard import SHARED, count_wins, find_overview, make_page, rank
 from evolution._src.suite.places import GAP, find_published_arena, make_true_arena
 from evolution._src.suite.running import run_suite
 from evolution._src.suite.submission import Score, Submission, load_submission
@@ -140,7 +140,6 @@ def test_the_ranking_is_by_successes_in_the_truth(tmp_path):
     rows = rank([low, high])
     assert [row.submission for row in rows] == ["high", "low"]
     fitness = f"{entry.scan.fitness:.2f}"
-    assert format_rows(rows)[0] == [FIXED, "high", "1", "1", "9.0", "0.0", "0.50", fitness, "0"]
     assert count_wins([low, high]) == {"low": 0, "high": 1}
     low.save(tmp_path / "low.json")
     from evolution._src.cli.console import Console
@@ -160,8 +159,6 @@ def test_rows_have_mean_and_deviation_over_seeds_and_the_overview_says_what_is_m
     row = rank([Submission("two", entries)])[0]
     assert row.seeds == 2
     assert row.truth_successes == pytest.approx((4.0, 8.0**0.5))
-    assert format_rows([row])[0][4:] == ["4.0 ± 2.8", "0.0 ± 0.0", "1.50 ± 0.71", f"{entry.scan.fitness:.2f} ± 0.00",
-                                         "1000"]  # fmt: skip
     both = Submission("both", (entry, replace(run("zero", tasks=(FREE,)).entries[0])))
     overview = find_overview([Submission("two", entries), both])
     assert [line[:6] for line in overview] == [

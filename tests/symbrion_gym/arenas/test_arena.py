@@ -12,6 +12,7 @@ import trimesh
 from damage import flip_bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scanned_surface import cut_irregular, make_scanned_surface
 
 import reconstruction as rc
 from reconstruction._src.geometry.rectangles import find_box
@@ -19,7 +20,6 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.arenas.making import make_arena
-from symbrion_gym._src.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
 from symbrion_gym._src.contact.deadline import Deadline
 from symbrion_gym._src.contact.quality import ArenaQuality

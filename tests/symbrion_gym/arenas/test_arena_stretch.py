@@ -8,7 +8,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.arenas.stretch import stretch_arena
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 
 def test_stretching_the_truth_widens_its_pit() -> None:
@@ -36,7 +36,7 @@ def test_heights_stay(name: str) -> None:
 
 def test_the_environment_refuses_to_stretch_to_nothing() -> None:
     with pytest.raises(ValueError, match="stretch"):
-        SnakePitEnv(stretch=0.0)
+        OrganismEnv(stretch=0.0)
 
 
 @pytest.mark.parametrize("name", ["truth", "gsrm", "gg"])

@@ -94,13 +94,6 @@ def test_other_formats_say_what_they_carry(tmp_path) -> None:
     assert "0.30, 0.40" in (tmp_path / "README.md").read_text()
 
 
-def test_faces_have_patches() -> None:
-    arena = make_iced()
-    fine = arena.surface.subdivide_to_size(0.2)
-    numbers = arena.friction_map.find_face_patches(fine)
-    assert fine.area_faces[numbers == 0].sum() == pytest.approx(0.3 * 2 * np.hypot(1, 0.25), rel=0.2)
-
-
 def test_a_stretched_arena_has_stretched_patches() -> None:
     arena = stretch_arena(make_iced(), 1.1)
     assert len(arena.pieces) == len(make_iced().pieces)

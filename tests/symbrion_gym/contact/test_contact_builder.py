@@ -5,10 +5,10 @@ import logging
 import numpy as np
 import pytest
 import trimesh
+from scanned_surface import make_scanned_surface
 
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
 from symbrion_gym._src.contact.passes import coacd, finish, slabs

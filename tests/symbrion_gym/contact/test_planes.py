@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import trimesh
+from scanned_surface import make_scanned_surface
 
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym._src.contact.planes import find_planes
 from symbrion_gym._src.errors import ArenaError
 

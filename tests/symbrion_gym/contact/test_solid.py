@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
+from scanned_surface import cut_irregular, make_scanned_surface
 
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.mesh_repair import repair_mesh
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym._src.contact.solid import close_downwards, close_holes, find_shape, take_top, thicken
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import trimesh
+from scanned_surface import make_scanned_surface
 
 from symbrion_gym._src.arenas.course import Course, StairsCourse, make_simple_surface
-from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.options import ContactOptions
 from symbrion_gym._src.contact.subdivision import split_long_edges

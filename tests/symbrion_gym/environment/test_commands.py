@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from symbrion_gym._src.environment.commands import Commands
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import OptionError
 
 
@@ -15,7 +15,7 @@ def find_heading(env):
 
 @pytest.mark.parametrize("tracks", ["spheres", "wheels", "cylinders"])
 def test_a_lone_scout_turns_on_the_spot_and_drives_straight(tracks):
-    env = SnakePitEnv(modules=1, track_control="skid", tracks=tracks, track_speed=0.05)
+    env = OrganismEnv(modules=1, track_control="skid", tracks=tracks, track_speed=0.05)
     env.reset(seed=0)
     assert env.action_space.shape == (2,)
     before, place = find_heading(env), env.physics.position[0, 0].copy()
@@ -36,7 +36,7 @@ def test_a_lone_scout_turns_on_the_spot_and_drives_straight(tracks):
 @pytest.mark.parametrize("control", ["skid", "modules"])
 def test_each_number_goes_to_its_own_side_of_its_own_module(tracks, control):
     """In a tree, parts are not in the order of the modules."""
-    env = SnakePitEnv(organism="H", track_control=control, tracks=tracks)
+    env = OrganismEnv(organism="H", track_control=control, tracks=tracks)
     env.reset(seed=0)
     hinges, modules = env.world.num_hinges, env.world.num_modules
     sides = 2 if control == "skid" else 1
@@ -55,7 +55,7 @@ def test_each_number_goes_to_its_own_side_of_its_own_module(tracks, control):
 
 
 def test_the_speed_of_the_head_is_the_mean_of_its_sides():
-    world = SnakePitEnv(modules=2, track_control="skid").world
+    world = OrganismEnv(modules=2, track_control="skid").world
     commands = Commands(world, 1)
     commands.begin(0, np.zeros(1), 0.1)
     commands.take(np.array([[0.0, 1.0, -0.5, 0.3, 0.3]]))
@@ -63,7 +63,7 @@ def test_the_speed_of_the_head_is_the_mean_of_its_sides():
 
 
 def test_what_is_not_a_number_is_refused_where_a_simulation_is_stepped():
-    commands = Commands(SnakePitEnv(modules=1, track_control="skid").world, 2)
+    commands = Commands(OrganismEnv(modules=1, track_control="skid").world, 2)
     for row in range(2):
         commands.begin(row, np.zeros(0), 0.1)
     commands.take(np.array([[0.5, -2.0], [0.1, 0.2]]))

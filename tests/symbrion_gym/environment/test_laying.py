@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
 from symbrion_gym._src.robot.random_organism import make_random_organism
 
@@ -20,7 +20,7 @@ def make_trees(num: int) -> list[Organism]:
     return [make_random_organism(int(rng.integers(3, 10)), rng) for _ in range(num)]
 
 
-def assert_rests(env: SnakePitEnv, yaw: float) -> None:
+def assert_rests(env: OrganismEnv, yaw: float) -> None:
     """The organism, with tracks that stand still, neither jumps nor lies in the ground."""
     env.reset(seed=0, options={"yaw": yaw})
     heights = env.physics.position[0, :, 2].copy()
@@ -39,7 +39,7 @@ def assert_rests(env: SnakePitEnv, yaw: float) -> None:
     "where", [RAMP, {"arena": "gsrm"}, {"arena": "stairs", "start": (0.0, 0.2), "goal": (1.5, 0.0)}]
 )
 def test_trees_rest_where_they_are_laid(body, where):
-    env = SnakePitEnv(**where, organism=body, track_speed=0.0)
+    env = OrganismEnv(**where, organism=body, track_speed=0.0)
     for yaw in (0.0, 0.6):
         assert_rests(env, yaw)
 
@@ -48,14 +48,14 @@ def test_trees_rest_where_they_are_laid(body, where):
 @pytest.mark.parametrize("arena", ["truth", "gsrm", "gg"])
 def test_every_body_rests_at_every_start(arena):
     for body in (*map(snake, range(1, 10)), *make_trees(10)):
-        env = SnakePitEnv(arena=arena, organism=body, track_speed=0.0)
+        env = OrganismEnv(arena=arena, organism=body, track_speed=0.0)
         for yaw in (0.0, 0.6):
             assert_rests(env, yaw)
 
 
 def test_modules_of_a_cross_follow_a_ramp():
     """Laid flat at the highest point, its lower arm would hang 13 cm above the ramp."""
-    env = SnakePitEnv(**RAMP, organism=cross(2), track_speed=0.0)
+    env = OrganismEnv(**RAMP, organism=cross(2), track_speed=0.0)
     env.reset(seed=0)
     place = env.physics.position[0]
     above = place[:, 2] - env.world.arena.height(place[:, 0], place[:, 1])
@@ -64,7 +64,7 @@ def test_modules_of_a_cross_follow_a_ramp():
 
 def test_a_snake_follows_its_line_as_ever():
     """On a slope alone, two millimeters above it."""
-    env = SnakePitEnv(**RAMP, modules=3)
+    env = OrganismEnv(**RAMP, modules=3)
     env.reset(seed=0)
     height = env.world.arena.height(-1.2, 0.1) + 0.0525 / np.cos(np.arctan(0.25)) + 0.002
     np.testing.assert_allclose(env.data.qpos[:2], [-1.2, 0.1], atol=1e-12)
@@ -73,19 +73,19 @@ def test_a_snake_follows_its_line_as_ever():
 
 
 def test_a_snake_that_would_lie_in_the_ground_is_settled():
-    env = SnakePitEnv(**RAMP, modules=8, track_speed=0.0)
+    env = OrganismEnv(**RAMP, modules=8, track_speed=0.0)
     env.reset(seed=0, options={"yaw": 0.6})
     assert -env.data.contact.dist.min(initial=0.0) <= _DEPTH
 
 
 def test_a_lone_module_on_a_crest_has_tipped_already():
-    env = SnakePitEnv(arena="truth", modules=1, start=(0.735, -0.21), goal=(2.0, -0.21), track_speed=0.0)
+    env = OrganismEnv(arena="truth", modules=1, start=(0.735, -0.21), goal=(2.0, -0.21), track_speed=0.0)
     assert_rests(env, 0.0)
     assert env.physics.rotation[0, 0, 6] < -0.1
 
 
 def test_the_start_is_found_where_the_organism_begins():
-    env = SnakePitEnv(**RAMP, organism="cross2")
+    env = OrganismEnv(**RAMP, organism="cross2")
     env.reset(seed=0)
     np.testing.assert_allclose(env.data.qpos[:2], [-1.2, 0.1], atol=0.02)
     for seed in (1, 2):

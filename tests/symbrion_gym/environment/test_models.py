@@ -9,8 +9,8 @@ from side_by_side import assert_equal_ticks
 
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.environment.models import LayoutError
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 
 STRETCHES = (0.975, 1.0, 1.025)
 OPTIONS = {"arena": "gsrm", "modules": 4, "start": "pit", "stuck_time": 2.0}
@@ -19,12 +19,12 @@ RESET = {"friction": [0.5, 0.6, 0.7, 0.8], "yaw": (-0.1, 0.1)}
 
 @pytest.mark.parametrize("more", [{}, {"track_control": "modules"}])
 def test_each_simulation_has_its_own_arena_to_the_bit(more):
-    vector = SnakePitVectorEnv(
+    vector = OrganismVectorEnv(
         4, num_threads=2, autoreset_mode="Disabled", stretches=STRETCHES, **OPTIONS, **more
     )
     rng = np.random.default_rng(0)
     for seed, stretches in ((3, [1.0, 0.975, 1.025, 1.0]), (8, [0.975, 1.0, 1.025, 1.025])):
-        singles = [SnakePitEnv(stretch=stretch, **OPTIONS, **more) for stretch in stretches]
+        singles = [OrganismEnv(stretch=stretch, **OPTIONS, **more) for stretch in stretches]
         observation, info = vector.reset(seed=seed, options={**RESET, "stretch": stretches})
         for i, env in enumerate(singles):
             one, one_info = env.reset(seed=seed + i, options={**RESET, "friction": RESET["friction"][i]})
@@ -34,7 +34,7 @@ def test_each_simulation_has_its_own_arena_to_the_bit(more):
 
 
 def test_a_choice_stays_until_another_is_made():
-    vector = SnakePitVectorEnv(2, modules=3, arena="gsrm", stretches=STRETCHES, start="pit")
+    vector = OrganismVectorEnv(2, modules=3, arena="gsrm", stretches=STRETCHES, start="pit")
     vector.reset(seed=0, options={"stretch": 1.025})
     _, first = vector.reset(seed=0)
     _, other = vector.reset(seed=0, options={"stretch": [1.025, 1.0]})
@@ -51,10 +51,10 @@ def _add_odd_piece(arena):
 
 
 def test_what_cannot_be_is_refused():
-    vector = SnakePitVectorEnv(2, modules=3, arena="gsrm", stretches=STRETCHES)
+    vector = OrganismVectorEnv(2, modules=3, arena="gsrm", stretches=STRETCHES)
     with pytest.raises(ValueError, match=r"stretch must be one of \(0.975, 1.0, 1.025\), got 1.1"):
         vector.reset(options={"stretch": 1.1})
     with pytest.raises(LayoutError, match=r"stretched by 0.975 and 1 .* of its own"):
-        SnakePitVectorEnv(2, modules=3, arena=_add_odd_piece(load_arena("truth")), stretches=STRETCHES)
+        OrganismVectorEnv(2, modules=3, arena=_add_odd_piece(load_arena("truth")), stretches=STRETCHES)
     with pytest.raises(ValueError, match="images of several stretches"):
-        SnakePitVectorEnv(2, arena="gsrm", stretches=STRETCHES, render_mode="rgb_array")
+        OrganismVectorEnv(2, arena="gsrm", stretches=STRETCHES, render_mode="rgb_array")

@@ -7,9 +7,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from side_by_side import assert_equal_ticks
 
-from symbrion_gym._src.environment.config import EnvironmentConfig, SnakePitConfig
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.errors import OptionError, OrganismError
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
@@ -22,18 +22,18 @@ SLOW = ScoutConfig(hinge_torque=3.0, friction=0.3, tracks="wheels")
     [(3, snake(3)), ("H", letter_h()), ("cross1", cross(1)), ("SBSF0000", snake(2)), (cross(1), cross(1))],
 )
 def test_the_option_takes_whatever_describes_a_body(organism, body):
-    assert SnakePitEnv(organism=organism).world.organism == body
+    assert OrganismEnv(organism=organism).world.organism == body
 
 
 def test_a_body_plan_may_come_from_a_file(tmp_path):
     (tmp_path / "body.txt").write_text("SBSFSBSF00000000", encoding="utf-8")
-    assert SnakePitEnv(organism=str(tmp_path / "body.txt")).world.organism == snake(3)
+    assert OrganismEnv(organism=str(tmp_path / "body.txt")).world.organism == snake(3)
 
 
 def test_constants_of_the_modules_reach_a_ready_organism():
     given = {"hinge_torque": 2.0, "track_speed": 0.05, "tracks": "wheels", "friction": 0.4}
     for name in ("modules", "organism"):
-        env = SnakePitEnv(**{name: snake(2)}, **given)
+        env = OrganismEnv(**{name: snake(2)}, **given)
         env.reset(seed=0)
         assert {key: getattr(env.world.organism.scout, key) for key in given} == given
         assert env.model.actuator("hinge_1").forcerange[1] == 2.0
@@ -42,7 +42,7 @@ def test_constants_of_the_modules_reach_a_ready_organism():
 
 
 def test_a_ready_organism_keeps_what_no_option_names():
-    env = SnakePitEnv(organism=snake(2, SLOW))
+    env = OrganismEnv(organism=snake(2, SLOW))
     _, info = env.reset(seed=0)
     assert env.world.organism.scout == SLOW
     assert info["friction"] == 0.3
@@ -64,14 +64,14 @@ def test_a_ready_organism_keeps_what_no_option_names():
 )
 def test_options_that_contradict_are_refused_by_name(options, message):
     with pytest.raises(OptionError, match=message):
-        SnakePitEnv(**options)
+        OrganismEnv(**options)
 
 
 def test_the_configuration_refuses_them_too():
     with pytest.raises(OptionError, match="give one of them"):
-        SnakePitConfig(modules=3, organism="H")
+        EnvironmentConfig(modules=3, organism="H")
     with pytest.raises(OptionError, match="contradicts"):
-        SnakePitEnv(**dataclasses.asdict(SnakePitConfig()) | {"modules": snake(2, SLOW), "organism": None})
+        OrganismEnv(**dataclasses.asdict(EnvironmentConfig()) | {"modules": snake(2, SLOW), "organism": None})
 
 
 @pytest.mark.parametrize(
@@ -85,13 +85,13 @@ def test_the_configuration_refuses_them_too():
 )
 def test_what_is_no_body_is_refused(options, message):
     with pytest.raises(OrganismError, match=message):
-        SnakePitEnv(**options)
+        OrganismEnv(**options)
 
 
 @pytest.mark.parametrize("control", ["constant", "body", "modules", "skid"])
 @pytest.mark.parametrize("organism", [1, "H", "SLSF0000SBSL0000"])
 def test_every_body_passes_the_checker_without_warnings(organism, control):
-    check_env(SnakePitEnv(organism=organism, track_control=control), skip_render_check=True)
+    check_env(OrganismEnv(organism=organism, track_control=control), skip_render_check=True)
 
 
 @pytest.mark.parametrize(
@@ -104,8 +104,8 @@ def test_every_body_passes_the_checker_without_warnings(organism, control):
     ],
 )
 def test_vector_and_single_agree_to_the_bit(options):
-    vector = SnakePitVectorEnv(2, **options)
-    singles = [SnakePitEnv(**options) for _ in range(2)]
+    vector = OrganismVectorEnv(2, **options)
+    singles = [OrganismEnv(**options) for _ in range(2)]
     first, _ = vector.reset(seed=3)
     for i, single in enumerate(singles):
         np.testing.assert_array_equal(first[i], single.reset(seed=3 + i)[0])

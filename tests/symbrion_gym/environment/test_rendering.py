@@ -8,9 +8,9 @@ import pytest
 
 import symbrion_gym as sg
 from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.rendering import CameraConfig
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -22,7 +22,7 @@ def _graphics():
 
 
 def test_rgb_shows_a_dark_robot_before_bright_ground():
-    env = SnakePitEnv(modules=4, render_mode="rgb_array", width=320, height=200)
+    env = OrganismEnv(modules=4, render_mode="rgb_array", width=320, height=200)
     env.reset(seed=0)
     picture = env.render()
     assert picture.shape == (200, 320, 3)
@@ -34,13 +34,13 @@ def test_rgb_shows_a_dark_robot_before_bright_ground():
 
 
 def test_depth_and_both():
-    env = SnakePitEnv(modules=3, render_mode="depth_array", width=160, height=100)
+    env = OrganismEnv(modules=3, render_mode="depth_array", width=160, height=100)
     env.reset(seed=0)
     depth = env.render()
     assert depth.shape == (100, 160)
     assert 0.5 < depth[50, 80] < 3.0
     env.close()
-    env = SnakePitEnv(modules=3, render_mode="rgbd_tuple", width=160, height=100)
+    env = OrganismEnv(modules=3, render_mode="rgbd_tuple", width=160, height=100)
     env.reset(seed=0)
     picture, depth = env.render()
     assert picture.shape == (100, 160, 3)
@@ -49,7 +49,7 @@ def test_depth_and_both():
 
 
 def test_camera_follows():
-    env = SnakePitEnv(modules=3, render_mode="rgb_array", width=64, height=48, track_speed=0.3)
+    env = OrganismEnv(modules=3, render_mode="rgb_array", width=64, height=48, track_speed=0.3)
     env.reset(seed=0)
     env.render()
     before = env._renderer.camera.lookat.copy()
@@ -62,8 +62,8 @@ def test_camera_follows():
 
 
 def test_images_do_not_change_the_physics():
-    seen = SnakePitEnv(modules=2, render_mode="rgb_array", width=64, height=48)
-    blind = SnakePitEnv(modules=2)
+    seen = OrganismEnv(modules=2, render_mode="rgb_array", width=64, height=48)
+    blind = OrganismEnv(modules=2)
     seen.reset(seed=0)
     blind.reset(seed=0)
     for _ in range(5):
@@ -74,7 +74,7 @@ def test_images_do_not_change_the_physics():
 
 
 def test_vector_environments_draw_each_simulation():
-    envs = SnakePitVectorEnv(2, modules=2, render_mode="rgb_array", width=64, height=48)
+    envs = OrganismVectorEnv(2, modules=2, render_mode="rgb_array", width=64, height=48)
     envs.reset(seed=0, options={"yaw": np.array([0.0, 1.0])})
     one, other = envs.render()
     assert one.shape == (48, 64, 3)
@@ -83,7 +83,7 @@ def test_vector_environments_draw_each_simulation():
 
 
 def test_without_a_mode_nothing_is_drawn():
-    env = SnakePitEnv(modules=2)
+    env = OrganismEnv(modules=2)
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode"):
         assert env.render() is None
@@ -91,7 +91,7 @@ def test_without_a_mode_nothing_is_drawn():
 
 def test_a_window_without_a_display_is_left_out(monkeypatch, caplog):
     monkeypatch.setattr("symbrion_gym._src.environment.rendering.has_display", lambda: False)
-    env = SnakePitEnv(modules=2, render_mode="human")
+    env = OrganismEnv(modules=2, render_mode="human")
     env.reset(seed=0)
     env.step(np.zeros(1))
     assert env.render() is None
@@ -104,7 +104,7 @@ def test_contact_is_drawn_where_it_differs_visibly_from_the_surface():
     pictures = []
     for gap in (0.0, 0.01, 0.05):
         arena = replace(truth, quality=replace(truth.quality, mean=gap, p95=gap, max=gap))
-        env = SnakePitEnv(arena=arena, modules=2, render_mode="rgb_array", width=64, height=48)
+        env = OrganismEnv(arena=arena, modules=2, render_mode="rgb_array", width=64, height=48)
         env.reset(seed=0)
         pictures.append(env.render())
         env.close()

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
+from scanned_surface import make_scanned_surface
 from side_by_side import FLAGS, NUMBERS
 
 import symbrion_gym as sg
-from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym._src.environment.config import DEFAULT_SENSORS
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.registration import ENVIRONMENTS
 from symbrion_gym._src.robot.organism import cross
 from symbrion_gym._src.robot.sensor_noise import SensorNoise
@@ -62,7 +62,7 @@ def test_every_arena_kind_passes_the_checker_without_warnings(arena, task, scann
 def test_zero_controller_crosses_a_narrow_pit_and_not_a_wide_one():
     outcomes = {}
     for pit in (0.20, 0.40):
-        env = SnakePitEnv(modules=6, pit=pit, start="pit")
+        env = OrganismEnv(modules=6, pit=pit, start="pit")
         env.reset(seed=0)
         while True:
             _, _, terminated, truncated, info = env.step(np.zeros(5))
@@ -76,7 +76,7 @@ def test_zero_controller_crosses_a_narrow_pit_and_not_a_wide_one():
 
 
 def test_reward_is_the_sum_of_its_terms_and_progress_that_of_rewards():
-    env = SnakePitEnv(modules=4, start="pit")
+    env = OrganismEnv(modules=4, start="pit")
     env.reset(seed=0)
     total = 0.0
     for _ in range(50):
@@ -89,7 +89,7 @@ def test_reward_is_the_sum_of_its_terms_and_progress_that_of_rewards():
 
 
 def test_observation_follows_its_structure():
-    env = SnakePitEnv(
+    env = OrganismEnv(
         modules=5,
         sensors=(*DEFAULT_SENSORS, *EXTRA_SENSORS),
     )
@@ -110,7 +110,7 @@ def test_observation_follows_its_structure():
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_actions_that_are_no_numbers_are_refused_by_name(value):
-    env = SnakePitEnv(modules=3, start="pit", track_control="body")
+    env = OrganismEnv(modules=3, start="pit", track_control="body")
     env.reset(seed=0)
     with pytest.raises(ValueError, match=rf"action\[1\] \(hinge 1\) is {value}; a number from -1 to 1"):
         env.step(np.array([0.0, value, 0.0]))
@@ -120,7 +120,7 @@ def test_actions_that_are_no_numbers_are_refused_by_name(value):
 
 @pytest.mark.parametrize("value", [1e30, -1e200])
 def test_large_numbers_in_actions_do_no_harm(value):
-    env = SnakePitEnv(modules=3, start="pit")
+    env = OrganismEnv(modules=3, start="pit")
     env.reset(seed=0)
     for _ in range(20):
         observation, reward, *_ = env.step(np.array([value, 0.5]))
@@ -131,14 +131,14 @@ def test_large_numbers_in_actions_do_no_harm(value):
 
 @pytest.mark.parametrize("shape", [(), (1,), (3,), (2, 1), (1, 2)])
 def test_actions_of_another_shape_are_refused(shape):
-    env = SnakePitEnv(modules=3)
+    env = OrganismEnv(modules=3)
     env.reset(seed=0)
     with pytest.raises(ValueError, match=r"shape \(2,\)"):
         env.step(np.zeros(shape))
 
 
 def test_divergence_ends_the_episode_with_a_finite_reward():
-    env = SnakePitEnv(modules=3)
+    env = OrganismEnv(modules=3)
     env.reset(seed=0)
     env.data.qvel[0] = 1e9
     observation, reward, terminated, _, info = env.step(np.zeros(2))
@@ -151,7 +151,7 @@ def test_divergence_ends_the_episode_with_a_finite_reward():
 
 
 def test_a_module_on_its_back_ends_the_episode():
-    env = SnakePitEnv(modules=3)
+    env = OrganismEnv(modules=3)
     env.reset(seed=0)
     env.data.qpos[3:7] = [0, 1, 0, 0]
     *_, terminated, _, info = env.step(np.zeros(2))
@@ -161,7 +161,7 @@ def test_a_module_on_its_back_ends_the_episode():
 
 
 def test_leaving_the_course_at_the_side_ends_the_episode():
-    env = SnakePitEnv(modules=3)
+    env = OrganismEnv(modules=3)
     env.reset(seed=0)
     env.data.qpos[1] = 1.05
     *_, terminated, _, info = env.step(np.zeros(2))
@@ -170,7 +170,7 @@ def test_leaving_the_course_at_the_side_ends_the_episode():
 
 
 def test_a_body_that_only_reached_over_does_not_count():
-    env = SnakePitEnv(modules=4, start="pit", pit=0.2)
+    env = OrganismEnv(modules=4, start="pit", pit=0.2)
     env.reset(seed=0)
     env.data.qpos[:3] = [0.45, 0.0, 0.25 + 0.0525]
     env.data.qpos[3:7] = [1, 0, 0, 0]
@@ -180,7 +180,7 @@ def test_a_body_that_only_reached_over_does_not_count():
 
 
 def test_faster_than_the_tracks_does_not_count():
-    env = SnakePitEnv(modules=3, start="pit", pit=0.2)
+    env = OrganismEnv(modules=3, start="pit", pit=0.2)
     env.reset(seed=0)
     env.data.qpos[:3] = [0.50, 0.0, 0.25 + 0.0525]
     env.data.qpos[3:7] = [1, 0, 0, 0]
@@ -190,7 +190,7 @@ def test_faster_than_the_tracks_does_not_count():
 
 
 def test_abyss_ends_when_the_floor_of_the_pit_is_touched():
-    env = SnakePitEnv(modules=5, start="pit", bottomless=True)
+    env = OrganismEnv(modules=5, start="pit", bottomless=True)
     env.reset(seed=0)
     while True:
         *_, terminated, truncated, info = env.step(np.full(4, -0.1))
@@ -201,7 +201,7 @@ def test_abyss_ends_when_the_floor_of_the_pit_is_touched():
 
 @pytest.mark.parametrize("control", ["body", "modules"])
 def test_track_speeds_can_be_part_of_the_action(control):
-    env = SnakePitEnv(modules=3, track_control=control)
+    env = OrganismEnv(modules=3, track_control=control)
     count = 1 if control == "body" else 3
     assert env.action_space.shape == (2 + count,)
     env.reset(seed=0)
@@ -212,12 +212,12 @@ def test_track_speeds_can_be_part_of_the_action(control):
 
 
 def test_sensor_noise_can_be_chosen():
-    env = SnakePitEnv(modules=1, noise=2.0, sensors=["pitch", "roll"], sensor_noise=SensorNoise(pitch=0.03))
+    env = OrganismEnv(modules=1, noise=2.0, sensors=["pitch", "roll"], sensor_noise=SensorNoise(pitch=0.03))
     assert env._episodes.observer.noise.tolist() == [0.06, 0.02]
 
 
 def test_reset_options_are_drawn_from_ranges_and_reported():
-    env = SnakePitEnv(modules=3, randomize={"yaw": (-0.1, 0.1)})
+    env = OrganismEnv(modules=3, randomize={"yaw": (-0.1, 0.1)})
     _, info = env.reset(seed=1, options={"friction": (0.5, 0.9), "torque_scale": 1.1})
     assert 0.5 <= info["friction"] <= 0.9
     assert info["torque_scale"] == 1.1
@@ -240,7 +240,7 @@ def test_reset_options_are_drawn_from_ranges_and_reported():
     ],
 )
 def test_bad_reset_options_are_refused(options, message):
-    env = SnakePitEnv(modules=2)
+    env = OrganismEnv(modules=2)
     with pytest.raises(ValueError, match=message):
         env.reset(options=options)
 
@@ -270,13 +270,13 @@ def test_bad_reset_options_are_refused(options, message):
 )
 def test_bad_options_are_refused(options, error, message):
     with pytest.raises(error, match=message):
-        SnakePitEnv(**options)
+        OrganismEnv(**options)
 
 
 def test_equal_seeds_give_equal_bytes_in_another_process():
     script = (
-        "import numpy as np, hashlib; from symbrion_gym._src.environment.snake_pit import SnakePitEnv\n"
-        "env = SnakePitEnv(modules=4, noise=1.0, start='pit'); rng = np.random.default_rng(0)\n"
+        "import numpy as np, hashlib; from symbrion_gym._src.environment.organism_env import OrganismEnv\n"
+        "env = OrganismEnv(modules=4, noise=1.0, start='pit'); rng = np.random.default_rng(0)\n"
         "o, _ = env.reset(seed=7, options={'yaw': (-0.1, 0.1)}); h = hashlib.sha256(o.tobytes())\n"
         "for _ in range(100):\n"
         "    o, r, *_ = env.step(rng.uniform(-1, 1, 3)); h.update(o.tobytes() + np.float64(r).tobytes())\n"
@@ -290,7 +290,7 @@ def test_equal_seeds_give_equal_bytes_in_another_process():
 
 
 def test_a_deep_copy_goes_its_own_way_from_the_same_state():
-    env = SnakePitEnv(modules=3, start="pit")
+    env = OrganismEnv(modules=3, start="pit")
     env.reset(seed=0)
     for _ in range(10):
         env.step(np.array([0.2, -0.1]))
@@ -311,7 +311,7 @@ def test_spec_goes_through_json_and_pickle():
 
 
 def test_other_bodies_can_try_too():
-    env = SnakePitEnv(modules=cross(1))
+    env = OrganismEnv(modules=cross(1))
     observation, _ = env.reset(seed=0)
     assert env.action_space.shape == (5,), "the middle lifts the arm at its own front dock"
     for _ in range(30):
@@ -321,12 +321,12 @@ def test_other_bodies_can_try_too():
 
 
 def test_render_fps_follows_the_tick():
-    assert SnakePitEnv(modules=2, frame_skip=2).metadata["render_fps"] == 100
+    assert OrganismEnv(modules=2, frame_skip=2).metadata["render_fps"] == 100
     assert gym.make("symbrion_gym/SnakePit-v1", modules=2).unwrapped.metadata["render_fps"] == 50
 
 
 def test_info_holds_its_numbers_and_flags_in_their_order():
-    env = SnakePitEnv(modules=2)
+    env = OrganismEnv(modules=2)
     _, first = env.reset(seed=0)
     *_, info = env.step(np.zeros(1))
     assert tuple(info) == NUMBERS + FLAGS
@@ -334,7 +334,7 @@ def test_info_holds_its_numbers_and_flags_in_their_order():
 
 
 def test_timers_are_in_info_where_asked_for():
-    env = SnakePitEnv(modules=2, timers=True)
+    env = OrganismEnv(modules=2, timers=True)
     env.reset(seed=0)
     info = env.step(np.zeros(1))[4]
     assert info["physics_us"] > info["collision_us"] > 0.0
@@ -342,7 +342,7 @@ def test_timers_are_in_info_where_asked_for():
 
 
 def test_terrain_finds_its_way_between_two_places():
-    env = SnakePitEnv(modules=3, **TERRAIN, track_speed=0.2)
+    env = OrganismEnv(modules=3, **TERRAIN, track_speed=0.2)
     _, info = env.reset(seed=0)
     start = info["x_position"]
     for _ in range(100):

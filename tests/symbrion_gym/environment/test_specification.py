@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from side_by_side import FLAGS, NUMBERS
 
-from symbrion_gym._src.environment.config import DEFAULT_SENSORS, RANDOM_OPTIONS, SENSORS, SnakePitConfig
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.config import DEFAULT_SENSORS, RANDOM_OPTIONS, SENSORS, EnvironmentConfig
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
-TEXT = inspect.getdoc(SnakePitEnv) or ""
+TEXT = inspect.getdoc(OrganismEnv) or ""
 ELSEWHERE = "see above"
 """A default that another table lists."""
 
@@ -27,9 +27,9 @@ def read_table(title: str) -> list[list[str]]:
 
 def find_defaults() -> dict[str, object]:
     """Return option -> default of the environment."""
-    parameters = inspect.signature(SnakePitEnv).parameters.values()
+    parameters = inspect.signature(OrganismEnv).parameters.values()
     defaults = {each.name: each.default for each in parameters if each.default is not each.empty}
-    for field in fields(SnakePitConfig):
+    for field in fields(EnvironmentConfig):
         factory = field.default_factory
         defaults[field.name] = field.default if factory is MISSING else factory()
     return defaults
@@ -58,7 +58,7 @@ def test_options_are_all_listed_with_their_defaults() -> None:
 
 
 def test_sensors_are_all_listed_with_size_and_range() -> None:
-    env = SnakePitEnv(modules=5, sensors=SENSORS)
+    env = OrganismEnv(modules=5, sensors=SENSORS)
     sizes = {"n": 5, "h": 4, "A": 4, "2 a free side": 2 * (4 * 5 - 2 * 4)}
     rows = read_table("Observation")
     assert tuple(row[0].strip("`*") for row in rows) == SENSORS

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 
 OPTIONS = {"modules": 2, "sensors": ("track_odometry", "pitch")}
 
 
-def drive(environment: SnakePitEnv, ticks: int, action: float = 0.0) -> list[np.ndarray]:
+def drive(environment: OrganismEnv, ticks: int, action: float = 0.0) -> list[np.ndarray]:
     return [environment.step(np.full(environment.action_space.shape, action))[0] for _ in range(ticks)]
 
 
 def test_it_begins_where_the_map_has_the_start_and_knows_no_offset():
-    environment = SnakePitEnv(**OPTIONS, start="pit")
+    environment = OrganismEnv(**OPTIONS, start="pit")
     start = environment.world.route.start
     for offset in (-0.05, 0.0, 0.05):
         observation, info = environment.reset(seed=0, options={"start_offset": offset})
@@ -23,12 +23,12 @@ def test_it_begins_where_the_map_has_the_start_and_knows_no_offset():
 
 
 def test_it_does_not_know_that_the_arena_is_longer_than_its_map():
-    places = [SnakePitEnv(**OPTIONS, stretch=factor).reset(seed=0)[0][0] for factor in (0.975, 1.0, 1.025)]
+    places = [OrganismEnv(**OPTIONS, stretch=factor).reset(seed=0)[0][0] for factor in (0.975, 1.0, 1.025)]
     assert places == pytest.approx([places[1]] * 3)
 
 
 def test_it_adds_the_way_of_the_tracks_by_the_pitch_of_the_head():
-    environment = SnakePitEnv(**OPTIONS)
+    environment = OrganismEnv(**OPTIONS)
     observation, _ = environment.reset(seed=0)
     observations = np.array([observation, *drive(environment, 200)])
     way = np.diff(observations[:, 0])
@@ -38,7 +38,7 @@ def test_it_adds_the_way_of_the_tracks_by_the_pitch_of_the_head():
 
 
 def test_tracks_that_slip_are_believed():
-    environment = SnakePitEnv(**OPTIONS, pit=0.0, friction=0.02)
+    environment = OrganismEnv(**OPTIONS, pit=0.0, friction=0.02)
     observation, _ = environment.reset(seed=0)
     last = drive(environment, 1500)[-1]
     assert (
@@ -47,14 +47,14 @@ def test_tracks_that_slip_are_believed():
 
 
 def test_it_goes_by_the_commanded_speed_of_the_head():
-    environment = SnakePitEnv(**OPTIONS, track_control="modules")
+    environment = OrganismEnv(**OPTIONS, track_control="modules")
     observation, _ = environment.reset(seed=0)
     (after,) = [environment.step(np.array([0.0, -0.5, 1.0]))[0]]
     assert after[0] - observation[0] == pytest.approx(-0.5 * 0.1 * environment.dt, rel=1e-3)
 
 
 def test_a_reset_of_others_adds_nothing():
-    environment = SnakePitVectorEnv(2, autoreset_mode="Disabled", **OPTIONS)
+    environment = OrganismVectorEnv(2, autoreset_mode="Disabled", **OPTIONS)
     environment.reset(seed=0)
     before, *_ = environment.step(np.zeros((2, 1)))
     after, _ = environment.reset(options={"reset_mask": np.array([True, False])})

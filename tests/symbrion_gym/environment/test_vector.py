@@ -7,8 +7,8 @@ from gymnasium.vector import AutoresetMode
 from side_by_side import assert_equal_ticks
 
 import symbrion_gym as sg
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
-from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.sensing.timing import timing
 from symbrion_gym._src.tasks.scene import find_ceiling
 
@@ -26,8 +26,8 @@ RESET = {
 @pytest.mark.parametrize("threads", [1, 2])
 def test_vector_and_single_agree_to_the_bit(options, threads):
     options = {"modules": 4, "start": "pit", "pit": 0.3, "stuck_time": 2.0, **options}
-    vector = SnakePitVectorEnv(4, num_threads=threads, autoreset_mode="Disabled", **options)
-    singles = [SnakePitEnv(**options) for _ in range(4)]
+    vector = OrganismVectorEnv(4, num_threads=threads, autoreset_mode="Disabled", **options)
+    singles = [OrganismEnv(**options) for _ in range(4)]
     observation, _ = vector.reset(seed=3, options=RESET)
     for i, env in enumerate(singles):
         one, _ = env.reset(seed=3 + i, options={**RESET, "friction": RESET["friction"][i]})
@@ -36,7 +36,7 @@ def test_vector_and_single_agree_to_the_bit(options, threads):
 
 
 def test_what_is_done_stands_still_and_keeps_its_verdict():
-    vector = SnakePitVectorEnv(3, modules=4, start="pit", autoreset_mode="Disabled", num_threads=1)
+    vector = OrganismVectorEnv(3, modules=4, start="pit", autoreset_mode="Disabled", num_threads=1)
     vector.reset(
         seed=0, options={"friction": np.array([0.7, 0.7, 0.7]), "start_offset": np.array([0.0, 0.0, -0.05])}
     )
@@ -60,8 +60,8 @@ def test_what_is_done_stands_still_and_keeps_its_verdict():
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 def test_automatic_resets_agree_with_those_of_gymnasium(mode):
     options = {"modules": 3, "start": "pit", "duration": 0.1, "randomize": {"yaw": (-0.2, 0.2)}}
-    ours = SnakePitVectorEnv(2, autoreset_mode=mode, **options)
-    theirs = gym.vector.SyncVectorEnv([lambda: SnakePitEnv(**options)] * 2, autoreset_mode=mode)
+    ours = OrganismVectorEnv(2, autoreset_mode=mode, **options)
+    theirs = gym.vector.SyncVectorEnv([lambda: OrganismEnv(**options)] * 2, autoreset_mode=mode)
     first, _ = ours.reset(seed=1)
     second, _ = theirs.reset(seed=1)
     np.testing.assert_array_equal(first, second)
@@ -80,7 +80,7 @@ def test_gymnasium_makes_it_by_the_vector_entry_point():
     envs = gym.make_vec(
         "symbrion_gym/SnakePit-v1", num_envs=2, vectorization_mode="vector_entry_point", modules=3
     )
-    assert isinstance(envs, SnakePitVectorEnv)
+    assert isinstance(envs, OrganismVectorEnv)
     assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     observation, _ = envs.reset(seed=0)
     assert envs.observation_space.contains(observation)
@@ -98,7 +98,7 @@ def test_async_vector_environments_work():
 
 
 def test_a_diverged_simulation_leaves_the_others_alone():
-    envs = SnakePitVectorEnv(2, modules=3, autoreset_mode="Disabled")
+    envs = OrganismVectorEnv(2, modules=3, autoreset_mode="Disabled")
     envs.reset(seed=0)
     envs.batch.bind("qvel")[0, 0] = np.inf
     observation, reward, terminated, _, info = envs.step(np.zeros((2, 2)))
@@ -112,7 +112,7 @@ def test_a_diverged_simulation_leaves_the_others_alone():
 
 
 def test_timers_of_a_batch_can_be_read():
-    envs = SnakePitVectorEnv(2, modules=2, timers=True, num_threads=2)
+    envs = OrganismVectorEnv(2, modules=2, timers=True, num_threads=2)
     envs.reset(seed=0)
     with timing(envs.batch) as measured:
         envs.step(np.zeros((2, 1)))
@@ -131,7 +131,7 @@ def test_timers_of_a_batch_can_be_read():
 )
 def test_bad_arguments_are_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
-        SnakePitVectorEnv(**arguments)
+        OrganismVectorEnv(**arguments)
 
 
 @pytest.mark.parametrize(
@@ -144,14 +144,14 @@ def test_bad_arguments_are_refused(arguments, message):
     ],
 )
 def test_bad_resets_are_refused(arguments, message):
-    envs = SnakePitVectorEnv(2, modules=2)
+    envs = OrganismVectorEnv(2, modules=2)
     with pytest.raises(ValueError, match=message):
         envs.reset(**arguments)
 
 
 @pytest.mark.parametrize("shape", [(2,), (2, 3), (3, 2), (1, 2)])
 def test_actions_of_another_shape_are_refused(shape):
-    envs = SnakePitVectorEnv(2, modules=3)
+    envs = OrganismVectorEnv(2, modules=3)
     envs.reset(seed=0)
     with pytest.raises(ValueError, match=r"shape \(2, 2\)"):
         envs.step(np.zeros(shape))

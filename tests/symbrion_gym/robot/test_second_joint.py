@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Docking, Organism, cross, snake
 from symbrion_gym._src.robot.scout import make_scout
@@ -72,7 +72,7 @@ def test_one_module_alone_has_both_joints():
 
 
 def test_actions_and_observations_have_the_hinges_first():
-    env = SnakePitEnv(
+    env = OrganismEnv(
         organism=cross(1, ScoutConfig(dofs=2)), sensors=("hinge_angle", "hinge_rate", "dock_force")
     )
     env.reset(seed=0)

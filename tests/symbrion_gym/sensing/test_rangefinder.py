@@ -7,7 +7,7 @@ import trimesh
 
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner
-from symbrion_gym._src.sensing.rangefinder import RangeFinder, make_infrared
+from symbrion_gym._src.sensing.rangefinder import RangeFinder
 
 WORLD = """
 <mujoco>
@@ -75,15 +75,6 @@ def test_noise_is_the_scanners_and_seeded(scene):
     error = (readings - exact)[:, np.abs(exact - 2.0) < 0.3]
     assert np.nanstd(error) == pytest.approx(0.006, rel=0.1)
     np.testing.assert_array_equal(readings[3], finder.read(data, np.random.default_rng(3)))
-
-
-def test_infrared_tells_the_nearest(scene):
-    model, data = scene
-    infrared = make_infrared(model, "laser", max_range=0.5)
-    assert infrared.read_nearest(data) == pytest.approx(0.15, abs=1e-6)
-    far = make_infrared(model, "laser", max_range=0.5, exclude=["robot", "arm"])
-    assert far.read_nearest(data) == 0.5
-    assert 0.1 < infrared.read_nearest(data, np.random.default_rng(0)) < 0.2
 
 
 def test_a_mesh_is_hit_where_embree_hits_it():

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.tasks.audit import AuditLimits, Trajectory, audit, place_modules
 
 
 @pytest.fixture(scope="module")
 def crossing():
     """An honest crossing of a narrow pit by five modules, and its environment."""
-    env = SnakePitEnv(modules=5, pit=0.2, start="pit")
+    env = OrganismEnv(modules=5, pit=0.2, start="pit")
     env.reset(seed=0)
     rows, times = [env.data.qpos.copy()], [0.0]
     while True:

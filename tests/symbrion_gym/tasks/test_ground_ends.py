@@ -16,8 +16,8 @@ from benchmarks.material.driving_scenes import (
 )
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import StairsCourse
-from symbrion_gym._src.environment.config import SnakePitConfig
-from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import cross, snake
@@ -51,14 +51,14 @@ def test_a_room_is_crossed_below_its_ceiling(room):
     ],
 )
 def test_a_body_is_laid_on_the_storey_that_is_meant(room, modules, ends, ground):
-    world = World(SnakePitConfig(arena=room, modules=modules, **ends))
+    world = World(EnvironmentConfig(arena=room, modules=modules, **ends))
     qpos = world.lay_down(offset=0.02, yaw=0.03)
     assert qpos[2] == pytest.approx(ground + 0.0525, abs=0.01)
     assert qpos[world.hinge_qpos] == pytest.approx(0.0, abs=0.2)
 
 
 def test_a_success_below_a_ceiling_counts(room):
-    env = SnakePitEnv(arena=room, modules=1, start=(0.5, 2.5), goal=(1.0, 2.5))
+    env = OrganismEnv(arena=room, modules=1, start=(0.5, 2.5), goal=(1.0, 2.5))
     env.reset(seed=0)
     info, is_over = {}, False
     while not is_over:

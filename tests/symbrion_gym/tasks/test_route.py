@@ -9,7 +9,7 @@ from benchmarks.material.bare_surfaces import make_bare
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.environment.config import SnakePitConfig
+from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import snake
@@ -125,13 +125,13 @@ def test_stairs_have_no_pit():
 
 def test_the_pit_of_a_ready_arena_cannot_be_resized(truth):
     with pytest.raises(ArenaError, match=r"cannot be set to 0\.3"):
-        World(SnakePitConfig(arena=truth, pit=0.3))
+        World(EnvironmentConfig(arena=truth, pit=0.3))
 
 
 @pytest.mark.parametrize("start", ["floor", "pit", (-1.2, 0.3)])
 def test_a_body_is_laid_down_on_the_ground(start):
     goal = (2.0, 0.0) if isinstance(start, tuple) else None
-    world = World(SnakePitConfig(modules=6, start=start, goal=goal))
+    world = World(EnvironmentConfig(modules=6, start=start, goal=goal))
     data = mujoco.MjData(world.model)
     data.qpos[:] = world.lay_down(offset=0.03, yaw=0.05)
     world.write_control(data.ctrl[None], data.qpos[None, world.hinge_qpos], np.zeros((1, 1)))

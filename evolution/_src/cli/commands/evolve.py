@@ -34,14 +34,14 @@ from evolution._src.cli.search_limits import describe_interruption, warn_of_limi
 from evolution._src.cli.way_warning import warn_of_way
 from evolution._src.search.search_config import SearchConfig
 from reconstruction._src.base.quantities import format_count
-from symbrion_gym._src.assets import SCANNED_PITS
+from symbrion_gym._src.assets import SCANNED
 from symbrion_gym._src.environment.config import STARTS
 from symbrion_gym._src.robot.organism import snake
 
 if TYPE_CHECKING:
     from evolution._src.search.loop import OnGeneration
 
-MODELS_OF_TRUTH = ("truth", "simple", *SCANNED_PITS)
+MODELS_OF_TRUTH = ("truth", "simple", *SCANNED)
 """Named arenas that are the true course or models of it."""
 Place = tuple[float, float]
 """x and y [m]."""

@@ -8,7 +8,6 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
 
-PRIMITIVE_KINDS = ("plane", "box", "sphere", "cylinder")
 _LEAST_AREA = 1e-10
 """Cut triangles with less area are left out [m²]."""
 

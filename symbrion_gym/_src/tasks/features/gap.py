@@ -60,10 +60,6 @@ class GapSearch:
         check_counts(self, ("wall_steps",), OptionError)
 
 
-PitSearch = GapSearch
-"""Former name."""
-
-
 @dataclass(frozen=True)
 class Gap:
     """A gap, with the way across it; s along that way [m].

@@ -13,7 +13,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.tasks.features.edges import Jump, find_crossings, find_jumps, find_lanes, fit_edge
-from symbrion_gym._src.tasks.features.way import Line, Profile, Way, WaySearch, read_profile
+from symbrion_gym._src.tasks.features.way import Profile, Way, WaySearch, read_profile
 
 _ALIKE = 0.5
 """Steps of one staircase differ in rise and run by no more than this share of their mean."""
@@ -71,11 +71,6 @@ class Step:
     def rise(self) -> float:
         """Height of the step [m]."""
         return self.high - self.low
-
-    @property
-    def edge_line(self) -> Line:
-        """The edge, across the way."""
-        return self.way.find_line(self.edge)
 
 
 @dataclass(frozen=True)
