@@ -139,7 +139,6 @@ def test_the_ranking_is_by_successes_in_the_truth(tmp_path):
     high = Submission("high", (replace(entry, truth=Score(0.5, 9)),))
     rows = rank([low, high])
     assert [row.submission for row in rows] == ["high", "low"]
-    fitness = f"{entry.scan.fitness:.2f}"
     assert count_wins([low, high]) == {"low": 0, "high": 1}
     low.save(tmp_path / "low.json")
     from evolution._src.cli.console import Console
