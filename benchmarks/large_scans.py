@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks.material.landscape import Landscape, make_landscape, write_scan
 from benchmarks.report import write_results
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.tiles.config import TilesConfig
 from reconstruction._src.tiles.folder import TiledSurface
+from reconstruction._src.tiles.point_stream import TilesConfig
 from reconstruction._src.tiles.tiling import reconstruct_tiles
 
 DENSITY = 100

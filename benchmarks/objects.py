@@ -23,8 +23,7 @@ from benchmarks.material.object_depth import make_depth_survey
 from benchmarks.material.object_rooms import MIN_READINGS, RoomScan, RoomSurvey, make_survey
 from benchmarks.report import write_results
 from reconstruction._src.objects.finding import FoundObject
-from reconstruction._src.objects.model import make_model
-from reconstruction._src.objects.symmetry import find_angle
+from reconstruction._src.objects.model import find_angle, make_model
 
 PARTS = ("sockets", "detectability", "depth", "real")
 HELD_OUT, NUM_SURVEYS = 1000, 20

@@ -48,7 +48,7 @@ from benchmarks.material.physics_wheels import find_step_limit, find_turning_rat
 from benchmarks.material.physics_worlds import IMPRATIOS, World
 from benchmarks.report import Results
 from symbrion_gym._src.environment.config import CONTACTS
-from symbrion_gym._src.robot.sliding_loads import find_load_gain, find_sliding_rate
+from symbrion_gym._src.robot.belts import find_load_gain, find_sliding_rate
 
 TRACKS = ("spheres", "wheels", "cylinders")
 STEADY = {"wheel_armature": 0.004}

@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from evolution._src.search.provenance import find_revision
+from evolution._src.search.stored_config import find_revision
 from reconstruction._src.base.atomic_write import write_atomically
 
 RESULTS = Path(os.environ.get("BENCHMARK_RESULTS", Path(__file__).parent / "results"))

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.report import load_record
-from evolution._src.report.pictures import to_png
+from evolution._src.report.figures import to_png
 from reconstruction._src.base.atomic_write import write_atomically
 
 IMAGES = Path(__file__).parent / "images"

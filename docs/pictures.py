@@ -28,10 +28,10 @@ from PIL import Image
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.bodies.enumeration import enumerate_bodies
+from evolution._src.bodies.genome import enumerate_bodies
 from evolution._src.report.arena_view import draw_arena
 from evolution._src.report.bodies import draw_bodies
-from evolution._src.report.pictures import to_png
+from evolution._src.report.figures import to_png
 
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"

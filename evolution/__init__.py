@@ -13,19 +13,17 @@ if TYPE_CHECKING:
     from evolution._src.body_search.confirmation import confirm
     from evolution._src.body_search.learning import LearningConfig
     from evolution._src.body_search.loop import evolve_bodies, load_bodies, resume_bodies
-    from evolution._src.champions.playback import Recording, judge, play
-    from evolution._src.champions.policy import ChampionPolicy
+    from evolution._src.champions.playback import ChampionPolicy, Recording, judge, play
     from evolution._src.controllers.config import ControllerConfig
     from evolution._src.controllers.finding import find_controller
     from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
     from evolution._src.dispatch import evolve
     from evolution._src.errors import EvolutionError, RunError
-    from evolution._src.search.cmaes import CmaesConfig
+    from evolution._src.search.cmaes import CmaesConfig, Stage
     from evolution._src.search.config import EvolutionConfig
     from evolution._src.search.evaluation import Evaluation, Evaluator, evaluate
     from evolution._src.search.loop import load_run, resume
     from evolution._src.search.run import Run, load_champion
-    from evolution._src.search.stages import Stage
     from evolution._src.search.validation import Champion, Validation
 
 __all__ = [

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
         draw_section,
         draw_surface,
         draw_tracks,
+        to_png,
+        to_svg,
     )
     from evolution._src.report.page import Page
-    from evolution._src.report.pictures import to_png, to_svg
     from evolution._src.report.scene import Scene
     from evolution._src.report.video import encode_video
 

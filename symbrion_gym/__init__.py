@@ -14,21 +14,18 @@ from symbrion_gym._src.registration import register
 
 if TYPE_CHECKING:
     from symbrion_gym._src.adapters.stable_baselines import make_sb3_env
-    from symbrion_gym._src.arenas.arena import Arena
-    from symbrion_gym._src.arenas.coloring import color_arena
+    from symbrion_gym._src.arenas.arena import Arena, color_arena
     from symbrion_gym._src.arenas.course import Course, StairsCourse
     from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
     from symbrion_gym._src.arenas.loading import load_arena
-    from symbrion_gym._src.arenas.making import make_arena
+    from symbrion_gym._src.arenas.making import load_tiles, make_arena
     from symbrion_gym._src.arenas.object_placing import place_objects
-    from symbrion_gym._src.arenas.tiles import load_tiles
     from symbrion_gym._src.environment.organism_env import OrganismEnv
     from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
     from symbrion_gym._src.errors import ArenaError, OrganismError, SymbrionGymError, TaskError
     from symbrion_gym._src.robot.belts import add_tracks
-    from symbrion_gym._src.robot.body_plans import load_organism, organism_to_text
+    from symbrion_gym._src.robot.body_plans import load_organism, make_random_organism, organism_to_text
     from symbrion_gym._src.robot.organism import Organism, cross, snake
-    from symbrion_gym._src.robot.random_organism import make_random_organism
     from symbrion_gym._src.robot.scout import ScoutConfig, make_scout
     from symbrion_gym._src.sensing.camera import CameraConfig
     from symbrion_gym._src.sensing.friction_robot import SlipNoise

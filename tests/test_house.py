@@ -30,7 +30,7 @@ WRITERS = {
 MAY_WRITE = {
     "reconstruction._src.base.atomic_write": "the writer",
     "symbrion_gym._src.arenas.saving": "removes what the manifest of an arena names",
-    "symbrion_gym._src.arenas.export.saving": "removes what the manifest of an export names",
+    "symbrion_gym._src.arenas.export.export": "removes what the manifest of an export names",
     "symbrion_gym._src.contact.decomposition": "into a temporary folder",
     "symbrion_gym._src.contact.coacd_worker": "into the same",
     "evolution._src.search.run": "the four files of a run",

@@ -8,9 +8,9 @@ from scipy.optimize import linprog, minimize
 
 from benchmarks.material.physics_theory import find_feet, find_largest, find_masses, find_standing
 from benchmarks.material.physics_worlds import GRAVITY
+from symbrion_gym._src.robot.belts import Contacts
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.sliding_loads import Contacts
 from symbrion_gym._src.robot.tracks import find_wheel_radius
 
 _STILL = 1e-6

@@ -24,7 +24,7 @@ def find_task(arena: str) -> dict[str, Any]:
 
 def find_array(device: str) -> str:
     """Return "jax" where JAX sees a device of Warp, and "numpy" where only Warp does."""
-    from symbrion_gym._src.warp.device.handover import find_jax_device
+    from symbrion_gym._src.warp.device.run import find_jax_device
     from symbrion_gym._src.warp.requirements import find_device, import_warp
 
     try:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import find_offset
-from reconstruction._src.scans.point_check import check_points
+from reconstruction._src.scans.point_rows import check_points
 
 
 def make_cloud(

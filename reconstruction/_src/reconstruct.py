@@ -10,7 +10,7 @@ from reconstruction._src.methods import find_method, make_config
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.reconstruction import Reconstruction
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.point_check import check_number, check_seed
+from reconstruction._src.scans.point_rows import check_number, check_seed
 
 DEFAULT_UNITS = 2200
 """Of the paper's mode: that of its experiments."""

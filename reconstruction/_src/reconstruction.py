@@ -21,19 +21,19 @@ from reconstruction._src.methods import find_method
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.saved_file import Saved, read_saved, write_saved
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.point_check import check_points, check_seed
+from reconstruction._src.scans.point_rows import check_points, check_seed
 from reconstruction._src.scans.scan import ScanLog
-from reconstruction._src.slip.joining import join_slip
+from reconstruction._src.slip.drags import join_slip
 
 if TYPE_CHECKING:
     import trimesh
 
     from reconstruction._src.methods import NetworkConfig, State
-    from reconstruction._src.scans.dropped import Dropped
+    from reconstruction._src.scans.preprocess import Dropped
     from reconstruction._src.slip.drags import FrictionReadings
     from reconstruction._src.slip.patches import FrictionEstimate
     from reconstruction._src.slip.readings import SlipReadings
-    from reconstruction._src.surfaces.color_error import ColorError, Paint
+    from reconstruction._src.surfaces.color import ColorError, Paint
     from reconstruction._src.surfaces.quality import Quality
 
 logger = logging.getLogger(__name__)
@@ -98,7 +98,7 @@ class Reconstruction:
     @cached_property
     def dropped(self) -> Dropped | None:
         """The readings that pre-processing left no point for; None where the readings are the points."""
-        from reconstruction._src.scans.dropped import measure_dropped
+        from reconstruction._src.scans.preprocess import measure_dropped
 
         return None if self.readings is self.cloud else measure_dropped(self.readings, self.points)
 
@@ -163,7 +163,7 @@ class Reconstruction:
         Raises:
             ReconstructionError: the points or the truth have no colors.
         """
-        from reconstruction._src.surfaces.color_error import measure_color_error
+        from reconstruction._src.surfaces.color import measure_color_error
 
         mesh = self.mesh.copy().apply_translation(self.offset) if self.offset.any() else self.mesh
         return measure_color_error(mesh, truth, edge, seed=seed)
@@ -209,7 +209,7 @@ class Reconstruction:
             raise ReconstructionError("a scan log or cloud holds its own origins; leave out origins")
         colors = None
         if isinstance(new_points, ScanLog):
-            from reconstruction._src.scans.rays import read_colored_rays
+            from reconstruction._src.scans.preprocess import read_colored_rays
 
             new_points, origins, colors = read_colored_rays(new_points)
         elif isinstance(new_points, Cloud):

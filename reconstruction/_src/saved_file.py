@@ -15,7 +15,7 @@ from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.methods import find_method, make_config
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.slip.joining import read_slip_arrays
+from reconstruction._src.slip.drags import read_slip_arrays
 
 if TYPE_CHECKING:
     from reconstruction._src.methods import NetworkConfig, State

@@ -18,7 +18,7 @@ from benchmarks.material.physics_wheels import find_step_limit, find_turning_rat
 from benchmarks.material.physics_worlds import GRAVITY, Bench, World
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.robot.sliding_loads import find_load_gain, find_sliding_rate
+from symbrion_gym._src.robot.belts import find_load_gain, find_sliding_rate
 
 FEET = np.array([(x, y) for x in (0.0325, 0.0, -0.0325) for y in (0.0325, -0.0325)])
 

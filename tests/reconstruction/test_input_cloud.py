@@ -8,7 +8,7 @@ import trimesh
 from test_reconstruct import make_ground
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.visibility import find_seen_sides
+from reconstruction._src.geometry.sampling import find_seen_sides
 from reconstruction._src.input_cloud import join_clouds, make_cloud, make_cloud_of_rays
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.reconstruction import Reconstruction

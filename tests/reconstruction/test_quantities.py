@@ -2,7 +2,7 @@
 
 import pytest
 
-from reconstruction._src.base.quantities import (
+from reconstruction._src.base.range_checks import (
     format_count,
     format_distance,
     format_energy,

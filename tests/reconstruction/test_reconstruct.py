@@ -15,7 +15,7 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.orientation import orient_outwards
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.reconstruction import Reconstruction
-from reconstruction._src.scans.point_check import check_points
+from reconstruction._src.scans.point_rows import check_points
 
 METHODS = ("gsrm", "gg")
 

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from evolution._src.backends import rollout
-from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.parts import BodyConfig
-from evolution._src.backends.trials import Job, make_failure
+from evolution._src.backends.trials import Job, Outcome, make_failure
 from evolution._src.errors import NoEnvironmentError
 
 logger = logging.getLogger(__name__)

@@ -4,13 +4,24 @@ import contextlib
 import os
 import socket
 import sys
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
 
+from evolution._src.backends.batch import BatchBackend
+from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.pool import PoolConfig, Reply, WorkerPool
-from evolution._src.backends.simulation import Simulate, find_simulate, name_simulate, run_isolated
-from evolution._src.backends.trials import Job, Outcome
+from evolution._src.backends.simulation import (
+    Simulate,
+    find_simulate,
+    name_simulate,
+    run_isolated,
+)
+from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.range_checks import check_choice
+from reconstruction._src.tiles.workers import Job as TileJob
+from reconstruction._src.tiles.workers import RunJobs, Work
 
 Handle = Any
 """Of an actor, or of a result that it will return: Ray, an optional dependency, makes its types at run time."""
@@ -142,3 +153,81 @@ class RayBackend(WorkerPool[Handle]):
         super().close()
         if self._owns_cluster:
             self._ray.shutdown()
+
+
+_CONNECT_TIMEOUT = 10.0
+"""How long a cluster may take to answer [s]."""
+
+
+def run_in_cluster(workers: int, address: str | None = None) -> RunJobs:
+    """Return a function that runs jobs over a Ray cluster, one CPU each; for `rc.reconstruct_tiles(run_jobs=...)`.
+
+    Jobs name files: the folder of the tiles must be one that all nodes see at the same place.
+    """
+    try:
+        import ray
+    except ImportError as error:
+        raise RunError(
+            "tiles on a cluster need Ray: pip install 'symbrion-gym[cluster]'; processes need nothing"
+        ) from error
+
+    def run(work: Work, jobs: Sequence[TileJob]) -> Iterator[TileJob]:
+        owns_cluster = not ray.is_initialized()
+        if owns_cluster:
+            connect_cluster(ray, workers, address, _CONNECT_TIMEOUT)
+        try:
+            remote = ray.remote(num_cpus=1)(work)
+            for reference in [remote.remote(job) for job in jobs]:
+                yield ray.get(reference)
+        except ray.exceptions.RayError as error:
+            raise RunError(f"a tile failed on the cluster: {error}") from error
+        finally:
+            if owns_cluster:
+                ray.shutdown()
+
+    return run
+
+
+EXACT_BACKENDS = ("batch", "processes", "ray")
+"""Their results are equal to the bit."""
+BACKENDS = (*EXACT_BACKENDS, "warp")
+"""The last one is a GPU in single precision, whose results are equal in distribution only."""
+LOCAL_BACKENDS = ("batch", "warp")
+"""They run in this process."""
+
+
+class Backend(Protocol):
+    """Runs jobs on its workers."""
+
+    def run(self, jobs: Sequence[Job]) -> list[Outcome]:
+        """Return one outcome for each job, in order."""
+        ...
+
+    def close(self) -> None:
+        """Stop the workers."""
+        ...
+
+
+def make_backend(
+    name: str = "batch",
+    workers: int = 1,
+    address: str | None = None,
+    simulate: Simulate | None = None,
+    pool: PoolConfig | None = None,
+) -> Backend:
+    """Make a backend."""
+    if workers < 1:
+        raise RunError(f"workers is {workers}; at least 1 is needed")
+    check_choice("backend", name, BACKENDS, RunError)
+    if name == "warp":
+        require_extras("backend 'warp'", "gpu")
+    function = "simulate_on_device" if name == "warp" else "simulate"
+    simulate = simulate or find_simulate(f"evolution._src.backends.rollout:{function}")
+    if name in LOCAL_BACKENDS:
+        return BatchBackend(simulate, workers)
+    if name == "processes":
+        from evolution._src.backends.processes import ProcessBackend
+
+        return ProcessBackend(simulate, workers, pool)
+
+    return RayBackend(simulate, workers, address, pool)

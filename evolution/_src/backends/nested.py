@@ -1,9 +1,12 @@
 """Configurations made of parts, whose fields can also be given and read as if they were the configuration's own."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, fields, replace
 from typing import Any, ClassVar
+
+from evolution._src.errors import RunError
+from symbrion_gym._src.environment.config import EnvironmentConfig
 
 
 class Nested:
@@ -109,3 +112,37 @@ def _find_holder(cls: type[Nested], name: str) -> str | None:
         if name in _list_part(cls, each):
             return each.name
     return None
+
+
+Options = tuple[tuple[str, Any], ...]
+"""Name and value of each option of the environment, sorted by name."""
+OWN_FIELDS = ("arena", "modules", "organism", "task", "start")
+"""Options of the environment that are fields of a configuration."""
+
+
+def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: object = None) -> Options:
+    """Return options as sorted pairs, lists in them as tuples."""
+    pairs = options.items() if isinstance(options, Mapping) else options
+    found = tuple(sorted((str(name), _freeze(value)) for name, value in pairs))
+    for name, value in found:
+        if name in OWN_FIELDS:
+            raise RunError(f"environment.{name} is {value!r}, which would be overwritten; give {name} itself")
+        if not _is_hashable(value):
+            raise RunError(f"environment.{name} is {value!r}; a number, text or list of these is needed")
+    try:
+        EnvironmentConfig.from_options(dict(found) | {"task": task})
+    except (TypeError, ValueError) as error:
+        raise RunError(f"environment: {error}") from error
+    return found
+
+
+def _freeze(value: Any) -> Any:
+    return tuple(map(_freeze, value)) if isinstance(value, list | tuple) else value
+
+
+def _is_hashable(value: Any) -> bool:
+    try:
+        hash(value)
+    except TypeError:
+        return False
+    return True

@@ -8,17 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from evolution._src.backends.environment_options import Options, sort_options
-from evolution._src.backends.nested import Nested
+from evolution._src.backends.nested import Nested, Options, sort_options
 from evolution._src.backends.stored_task import StoredTask, check_task
 from evolution._src.controllers.controller import ControllerConfig
-from evolution._src.controllers.drive import count_tracks
 from evolution._src.controllers.finding import find_controller
+from evolution._src.controllers.joints import count_tracks
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
-from evolution._src.limits import MAX_MAGNITUDE, MAX_MODULES
-from reconstruction._src.base.quantities import format_count
-from reconstruction._src.base.range_checks import as_floats, as_integers, check_choice, coerce_integers
+from evolution._src.references import MAX_MAGNITUDE, MAX_MODULES
+from reconstruction._src.base.range_checks import (
+    as_floats,
+    as_integers,
+    check_choice,
+    coerce_integers,
+    format_count,
+)
 from symbrion_gym._src.environment.config import STARTS
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Organism, snake

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
-from evolution._src.backends.trials import Job, Outcome, make_failure
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Job, make_failure
 from evolution._src.errors import RunError
-from evolution._src.limits import MAX_MAGNITUDE, MAX_TRIALS
+from evolution._src.references import MAX_MAGNITUDE, MAX_TRIALS
 from reconstruction._src.base.range_checks import coerce_floats, coerce_integers
 
 Worker = TypeVar("Worker")

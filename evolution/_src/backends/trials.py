@@ -6,18 +6,19 @@ influence. That is why batch, processes and a Ray cluster give equal results.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
-from evolution._src.backends.descriptors import check_descriptors
-from evolution._src.backends.environment_options import Options as Options
 from evolution._src.backends.nested import Nested
+from evolution._src.backends.nested import Options as Options
 from evolution._src.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution._src.backends.parts import (
     BodyConfig,
@@ -27,10 +28,13 @@ from evolution._src.backends.parts import (
     take_environment,
 )
 from evolution._src.backends.scoring import Scoring as Scoring
+from evolution._src.backends.scoring import check_descriptors
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
-from evolution._src.limits import MAX_MAGNITUDE, MIN_POSITIVE
+from evolution._src.references import MAX_MAGNITUDE, MIN_POSITIVE
+from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import as_floats, as_range, check_count, coerce_floats
+from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import RANDOM_LIMITS
 
 if TYPE_CHECKING:
@@ -194,3 +198,39 @@ class Job(NamedTuple):
 def make_failure(trials: Trials, error: str) -> Outcome:
     """Return the outcome of a job that could not be tried."""
     return Outcome(FAILED_PROGRESS, 0.0, (False,) * trials.count, error=error[:MAX_ERROR_LENGTH])
+
+
+MAX_ARENAS = 4
+"""Arenas that a process keeps."""
+_arenas: OrderedDict[tuple[str, int], Arena] = OrderedDict()
+
+
+def find_arena_key(arena: ArenaSource) -> object:
+    """Return what tells arenas apart: a name, a path and when it was written, or the identity of an `Arena`."""
+    if not isinstance(arena, str | PathLike):
+        return id(arena)
+    return arena if arena in NAMED_ARENAS else (str(arena), _find_time(Path(arena)))
+
+
+def prepare_arena(arena: ArenaSource, progress: Progress = silent) -> ArenaSource:
+    """Return an arena, loaded or built where it is a file or a folder; the next call returns the same one."""
+    if not isinstance(arena, str | PathLike) or arena in NAMED_ARENAS:
+        return arena
+    key = str(arena), _find_time(Path(arena))
+    if key not in _arenas:
+        from symbrion_gym._src.arenas.loading import load_arena
+
+        found = load_arena(str(arena), progress=progress)
+        while len(_arenas) >= MAX_ARENAS:
+            _arenas.popitem(last=False)
+        _arenas[key] = found
+    _arenas.move_to_end(key)
+    return _arenas[key]
+
+
+def _find_time(path: Path) -> int:
+    """Return when an arena was written [ns]; 0 where there is none."""
+    try:
+        return (path / "arena.json" if path.is_dir() else path).stat().st_mtime_ns
+    except OSError:
+        return 0

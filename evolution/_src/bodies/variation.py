@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evolution._src.bodies.enumeration import grow_everywhere
-from evolution._src.bodies.genome import SOCKETS, BodyGenome, Path, is_possible, join_limbs
+from evolution._src.bodies.genome import SOCKETS, BodyGenome, Path, grow_everywhere, is_possible, join_limbs
 from evolution._src.errors import RunError
 
 Operator = Callable[[BodyGenome], Iterator[BodyGenome]]

@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 
-from evolution._src.backends.making import EXACT_BACKENDS
+from evolution._src.backends.cluster import EXACT_BACKENDS
 from evolution._src.backends.nested import Nested
 from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
 from evolution._src.backends.scoring import Scoring, find_scoring
@@ -18,10 +18,10 @@ from evolution._src.backends.trials import TrialConfig, Trials
 from evolution._src.bodies.genome import BodyGenome, make_row, parse_genome
 from evolution._src.bodies.variation import OPERATORS, BodyLimits
 from evolution._src.body_search.learning import LearningConfig
-from evolution._src.controllers.drive import count_tracks
 from evolution._src.controllers.finding import refer_to_controller
+from evolution._src.controllers.joints import count_tracks
 from evolution._src.errors import RunError
-from evolution._src.limits import (
+from evolution._src.references import (
     MAX_GENERATIONS,
     MAX_GENOTYPES,
     MAX_MAGNITUDE,

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from evolution._src.backends.body_rollout import simulate_bodies
-from evolution._src.backends.making import Backend, make_backend
+from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.outcome import check_tried
 from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import Job, Trials

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evolution._src.backends.making import LOCAL_BACKENDS, Backend
+from evolution._src.backends.cluster import LOCAL_BACKENDS, Backend
 from evolution._src.backends.outcome import Outcome, check_tried
 from evolution._src.backends.scoring import compute_fitness
 from evolution._src.backends.trials import Job

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from evolution._src.bodies.genome import BodyGenome
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
-from evolution._src.limits import MAX_GENERATIONS, MAX_GENOTYPES, MAX_TRIALS, MIN_POSITIVE
+from evolution._src.references import MAX_GENERATIONS, MAX_GENOTYPES, MAX_TRIALS, MIN_POSITIVE
 from evolution._src.search.cmaes import Space, Strategy
 from reconstruction._src.base.range_checks import coerce_floats, coerce_integers
 

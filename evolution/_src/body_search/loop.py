@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from evolution._src.backends.body_rollout import simulate_bodies
-from evolution._src.backends.making import Backend, make_backend
-from evolution._src.backends.prepared_arenas import prepare_arena
+from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.rollout import warm_up
 from evolution._src.backends.simulation import Simulate
+from evolution._src.backends.trials import prepare_arena
 from evolution._src.body_search.algorithms import make_algorithm
 from evolution._src.body_search.config import RUNTIME_FIELDS, BodyEvolutionConfig
 from evolution._src.body_search.learner import Learner, OnTried, Tried

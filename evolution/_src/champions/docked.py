@@ -63,7 +63,7 @@ class DockedChampion:
 
     def command(self, commands: SwarmCommands) -> SwarmCommands:
         """Return commands in which the robots of the organism do what the champion does now; others keep theirs."""
-        from symbrion_gym._src.swarm.organism_senses import is_organism, read_organism
+        from symbrion_gym._src.swarm.senses import is_organism, read_organism
 
         hinge, tracks, latch = commands.hinge.copy(), commands.tracks.copy(), self._hold(commands.latch)
         if not is_organism(self._world, self._modules):

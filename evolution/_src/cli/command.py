@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from evolution._src.cli.console import Console
+from symbrion_gym._src.assets import NAMED_ARENAS
 
 MISSED = 3
 """Exit code where the work is done, but misses what was asked for, under `--strict`."""
@@ -116,3 +117,20 @@ def require_writable_folder(path: Path, option: str) -> None:
         existing = existing.parent
     if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
         raise UsageError(f"{option} {path} cannot be written; give another folder")
+
+
+def check_arena(arena: str) -> None:
+    """Refuse an arena that is neither the name of a ready-made one nor an existing file or folder."""
+    if arena in NAMED_ARENAS or Path(arena).exists():
+        return
+    raise UsageError(
+        f"no arena '{arena}'; give one of {', '.join(NAMED_ARENAS)}, an arena folder or a mesh file"
+    )
+
+
+def check_arena_folder(arena: str) -> None:
+    """Refuse a damaged arena folder before anything is written; what it contains is kept for the run."""
+    if arena not in NAMED_ARENAS and Path(arena).is_dir():
+        from evolution._src.backends.trials import prepare_arena
+
+        prepare_arena(arena)

@@ -7,7 +7,7 @@ from typing import Any
 import reconstruction as rc
 from evolution._src.cli.command import UsageError, require_writable_folder
 from evolution._src.cli.console import Console
-from reconstruction._src.base.quantities import format_count
+from reconstruction._src.base.range_checks import format_count
 from reconstruction._src.scans.frames import UNITS
 
 _NOT_IN_TILES = ("crop", "thin", "units", "up", "scale", "intrinsics", "vertices")
@@ -62,7 +62,7 @@ class TileOptions:
         """Reconstruct a scan in tiles and return the summary."""
         run_jobs = None
         if self.address is not None:
-            from evolution._src.backends.tile_jobs import run_in_cluster
+            from evolution._src.backends.cluster import run_in_cluster
 
             run_jobs = run_in_cluster(self.workers, self.address)
         with console.track(f"Tiles of {source.name}") as step:

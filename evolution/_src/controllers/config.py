@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from evolution._src.errors import RunError
-from evolution._src.limits import MAX_MAGNITUDE, MIN_POSITIVE
+from evolution._src.references import MAX_MAGNITUDE, MIN_POSITIVE
 from reconstruction._src.base.range_checks import as_range, coerce_floats, coerce_integers
 
 NUM_KNOTS = 12

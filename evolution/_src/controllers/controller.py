@@ -16,8 +16,7 @@ from jaxtyping import Float, Int
 from evolution._src.controllers.config import NUM_KNOTS as NUM_KNOTS
 from evolution._src.controllers.config import ControllerConfig as ControllerConfig
 from evolution._src.controllers.config import OscillatorConfig
-from evolution._src.controllers.drive import Drive, make_drive
-from evolution._src.controllers.joints import Joints, find_joints
+from evolution._src.controllers.joints import Drive, Joints, find_joints, find_namespace, make_drive
 from evolution._src.controllers.laws import (
     NETWORK_INPUTS,
     REACTIVE_GENES,
@@ -28,14 +27,12 @@ from evolution._src.controllers.laws import (
     reactive,
     travelling,
 )
-from evolution._src.controllers.namespaces import find_namespace
 from evolution._src.controllers.oscillators import OscillatorController, make_oscillators
 from evolution._src.controllers.protocol import Controller as Controller
 from evolution._src.controllers.protocol import Structure as Structure
 from evolution._src.controllers.protocol import check_genotypes
 from evolution._src.errors import RunError
-from reconstruction._src.base.quantities import format_count
-from reconstruction._src.base.range_checks import check_choice
+from reconstruction._src.base.range_checks import check_choice, format_count
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 if TYPE_CHECKING:

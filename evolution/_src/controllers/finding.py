@@ -7,9 +7,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from evolution._src.controllers.checked import CheckedController
 from evolution._src.controllers.controller import CONTROLLERS, ControllerConfig, OwnController, make_law
-from evolution._src.controllers.protocol import Controller
+from evolution._src.controllers.protocol import CheckedController, Controller
 from evolution._src.controllers.source import (
     ControllerSource,
     find_source,

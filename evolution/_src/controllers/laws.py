@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from evolution._src.controllers.joints import Joints
-from evolution._src.controllers.namespaces import find_namespace
+from evolution._src.controllers.joints import Joints, find_namespace
 
 Sensed = Mapping[str, Float[Any, "P _"]]
 """Quantities by name, one column for each module or hinge.

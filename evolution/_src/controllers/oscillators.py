@@ -31,9 +31,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from evolution._src.controllers.config import OscillatorConfig
-from evolution._src.controllers.drive import GOAL_SENSOR, Drive, find_bearing
-from evolution._src.controllers.joints import Joints
-from evolution._src.controllers.namespaces import add_to_column, find_namespace
+from evolution._src.controllers.joints import (
+    GOAL_SENSOR,
+    Drive,
+    Joints,
+    add_to_column,
+    find_bearing,
+    find_namespace,
+)
 from evolution._src.controllers.protocol import Structure
 from symbrion_gym._src.environment.config import SENSORS
 from symbrion_gym._src.robot.scout_constants import SIDES

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from evolution._src.controllers.drive import make_drive
+from evolution._src.controllers.joints import make_drive
 from evolution._src.controllers.protocol import Structure
 from symbrion_gym._src.robot.organism import Organism
 

@@ -1,9 +1,11 @@
 """The whole pipeline, run once: survey, networks, arenas, evolution, judging the champion, video."""
 
+from __future__ import annotations
+
 import dataclasses
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
@@ -14,11 +16,27 @@ from jaxtyping import Float, UInt8
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.experiments.output_folder import refuse_foreign_files
+from evolution._src.errors import RunError
 from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
 from symbrion_gym._src.ready_made import SPACING
+
+
+def refuse_foreign_files(folder: Path, marker: str, names: Iterable[str]) -> None:
+    """Refuse a folder in which a command would overwrite files that it did not write."""
+    links = [name for name in (marker, *names) if (folder / name).is_symlink()]
+    if links:
+        raise RunError(f"{folder / links[0]} is a link to elsewhere; name another folder, or move the link")
+    if (folder / marker).is_file():
+        return
+    existing = [name for name in (marker, *names) if os.path.lexists(folder / name)]
+    if existing:
+        raise RunError(
+            f"{folder} contains {', '.join(existing)}, which would be overwritten, but no {marker} to show that this "
+            "command wrote them; name another folder, or move them"
+        )
+
 
 MARKER = "demo.json"
 """The file that the demo writes first; it shows that the folder is a demo's."""
@@ -231,3 +249,26 @@ def find_insufficient(run: ev.Run) -> ev.Champion:
         return dataclasses.replace(run.champion, genotype=(0.0,) * len(run.champion.genotype))
     genotype = failed[len(failed) // 2].genotype
     return dataclasses.replace(run.champion, genotype=tuple(map(float, genotype)))
+
+
+def find_run_champion(
+    folder: Path, arena: str, modules: int, seed: int, generations: int, workers: int, progress: rc.Progress
+) -> ev.Champion:
+    """Return the champion of a run of evolution; an unfinished run goes on."""
+    if RunFolder(folder).has_run():
+        run = ev.resume(str(folder), progress=progress, workers=workers)
+    else:
+        run = ev.evolve(
+            ev.EvolutionConfig(
+                arena=arena,
+                modules=modules,
+                seed=seed,
+                generations=generations,
+                workers=workers,
+                folder=str(folder),
+            ),
+            progress=progress,
+        )
+    if run.champion is None:
+        raise ev.RunError(f"no champion after {generations} generations; allow more, in another folder")
+    return run.champion

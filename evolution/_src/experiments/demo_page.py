@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import symbrion_gym as sg
 from evolution._src.experiments.demo import paint_truth
 from evolution._src.report.arena_view import draw_arena
+from evolution._src.report.body_page import describe_machine, describe_selection
 from evolution._src.report.error_map import draw_error_map
 from evolution._src.report.figures import (
     draw_cloud,
@@ -14,10 +15,9 @@ from evolution._src.report.figures import (
     draw_section,
     draw_surface,
     draw_tracks,
+    to_png,
 )
 from evolution._src.report.page import Page
-from evolution._src.report.pictures import to_png
-from evolution._src.report.provenance import describe_machine, describe_selection
 from evolution._src.report.video import encode_video
 
 if TYPE_CHECKING:

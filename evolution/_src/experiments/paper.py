@@ -31,19 +31,18 @@ from PIL import Image
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.champions.policy import ChampionPolicy
+from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import make_controller
 from evolution._src.errors import RunError
-from evolution._src.experiments.demo import Track, find_insufficient
-from evolution._src.experiments.output_folder import refuse_foreign_files
-from evolution._src.report.provenance import describe_machine
+from evolution._src.experiments.demo import Track, find_insufficient, refuse_foreign_files
+from evolution._src.report.body_page import describe_machine
 from evolution._src.report.video import encode_video
 from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.cache import CACHE_VARIABLE
 from reconstruction._src.base.typed_json import JsonError, read_json
 from reconstruction._src.surfaces.quality import find_distances
-from symbrion_gym._src.contact.surface_error import measure_arena
+from symbrion_gym._src.contact.quality import measure_arena
 from symbrion_gym._src.ready_made import SPACING
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner
 

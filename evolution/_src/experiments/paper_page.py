@@ -19,7 +19,10 @@ from evolution._src.experiments.paper import (
     load_arena,
     load_network,
 )
+from evolution._src.report.body_page import describe_selection
 from evolution._src.report.figures import (
+    CHART_DPI,
+    CHART_WIDTH,
     INK_COLOR,
     PALETTE,
     draw_cloud,
@@ -29,10 +32,10 @@ from evolution._src.report.figures import (
     draw_surface,
     draw_tracks,
     style_axes,
+    to_png,
+    to_svg,
 )
 from evolution._src.report.page import Page
-from evolution._src.report.pictures import CHART_DPI, CHART_WIDTH, to_png, to_svg
-from evolution._src.report.provenance import describe_selection
 from evolution._src.report.scene import Scene
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import UnreadableFileError, read_npz

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from evolution._src.bodies.genome import BodyGenome
-from evolution._src.report.figures import EDGE_COLOR, INK_COLOR, MARK_COLOR, SURFACE_COLOR
-from evolution._src.report.pictures import DPI
+from evolution._src.report.figures import DPI, EDGE_COLOR, INK_COLOR, MARK_COLOR, SURFACE_COLOR
 
 COLUMNS = 6
 """Bodies side by side."""

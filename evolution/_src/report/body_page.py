@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import platform
 from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
 
-from evolution._src.body_search.description import (
+from evolution._src.body_search.algorithms import (
     describe_success,
     explain_fitness,
     find_effort_weight,
@@ -15,11 +19,41 @@ from evolution._src.body_search.run import BodyRun
 from evolution._src.champions.playback import play
 from evolution._src.errors import RunError
 from evolution._src.report.bodies import draw_bodies
+from evolution._src.report.figures import to_png
 from evolution._src.report.page import Card, Page
-from evolution._src.report.pictures import to_png
-from evolution._src.report.provenance import describe_machine
+from evolution._src.search.stored_config import find_revision
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.base.quantities import format_count, format_energy
+from reconstruction._src.base.range_checks import format_count, format_energy
+
+PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
+
+
+def describe_machine() -> str:
+    """Return processor, cores, versions of Python and packages, and the commit of a checkout in one line."""
+    packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    revision = find_revision()
+    packages += f", commit {revision}" if revision else ""
+    return f"{_find_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
+
+
+def describe_selection(successes: int, trials: int) -> str:
+    """Return a sentence on how a champion was selected, from its fresh trials in the arena of its run."""
+    if not trials:
+        return "No genotype crossed in all of its trials; the champion is the fittest one."
+    return (
+        f"The champion was selected by fresh randomized trials there; it crossed in {successes} of {trials}."
+    )
+
+
+def _find_processor() -> str:
+    """Return the name of the processor, which Linux has in a file; on other systems its architecture."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, "") or platform.machine()
+
 
 FILM_SPEED = 5.0
 """Playback speed of films, relative to real time."""

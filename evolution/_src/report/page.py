@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from evolution._src.report.pictures import find_width, to_png
+from evolution._src.report.figures import find_width, to_png
 from evolution._src.report.scene import Scene, get_plotly_script
 from reconstruction._src.base.atomic_write import write_atomically
 

@@ -7,8 +7,7 @@ import trimesh
 from jaxtyping import Float, Int
 
 import symbrion_gym as sg
-from symbrion_gym._src.contact.inside import find_depths
-from symbrion_gym._src.contact.offsets import find_nearest, join_meshes
+from symbrion_gym._src.contact.inside import find_depths, find_nearest, join_meshes
 
 _PARTS = 80
 """Contact is cut into parts this small, relative to the arena, before those behind the surface are left out."""

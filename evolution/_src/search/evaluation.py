@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float, Num
 
-from evolution._src.backends.making import BACKENDS as BACKENDS
-from evolution._src.backends.making import make_backend
+from evolution._src.backends.cluster import BACKENDS as BACKENDS
+from evolution._src.backends.cluster import make_backend
 from evolution._src.backends.outcome import Outcome, check_tried
 from evolution._src.backends.scoring import Scoring, ScoringFunction, compute_fitness, find_scoring
 from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import Job, Trials, find_trial_controller
 from evolution._src.controllers.protocol import Controller, check_genotypes, warn_of_bounds
 from evolution._src.errors import RunError
-from evolution._src.limits import MAX_TRIALS
+from evolution._src.references import MAX_TRIALS
 from reconstruction._src.base.range_checks import as_integers
 
 if TYPE_CHECKING:

@@ -14,22 +14,20 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from evolution._src.backends.making import LOCAL_BACKENDS, Backend, make_backend
+from evolution._src.backends.cluster import LOCAL_BACKENDS, Backend, make_backend
 from evolution._src.backends.outcome import check_tried
 from evolution._src.backends.parts import BodyConfig
-from evolution._src.backends.prepared_arenas import prepare_arena
 from evolution._src.backends.rollout import warm_up
 from evolution._src.backends.scoring import compute_fitness
 from evolution._src.backends.simulation import Simulate
-from evolution._src.backends.trials import Job, Trials
+from evolution._src.backends.trials import Job, Trials, prepare_arena
 from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
-from evolution._src.search.champions_of_record import find_champion, find_champions, is_solved
+from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import RUNTIME_FIELDS, EvolutionConfig
 from evolution._src.search.record import HISTORY, REEVALUATION, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution._src.search.restarting_search import RestartingSearch
-from evolution._src.search.run import Run, RunFolder
-from evolution._src.search.stages import Stage
+from evolution._src.search.run import Run, RunFolder, find_champion, find_champions, is_solved
 from evolution._src.search.validation import Champion
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent

@@ -22,7 +22,7 @@ from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
 from evolution._src.controllers.finding import refer_to_controller
 from evolution._src.errors import RunError
-from evolution._src.limits import (
+from evolution._src.references import (
     MAX_GENERATIONS,
     MAX_GENOTYPES,
     MAX_MAGNITUDE,

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from evolution._src.backends.making import Backend
+from evolution._src.backends.cluster import Backend
 from evolution._src.backends.parts import read_organism
 from evolution._src.backends.trials import Job, Randomization, find_trial_controller
 from evolution._src.bodies.variation import BodyLimits, make_random_body

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from evolution._src.backends.making import Backend, make_backend
+from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.scoring import Scoring
 from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError

@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.changes.detection import Change
-from reconstruction._src.changes.neighborhoods import widen
+from reconstruction._src.changes.free_space import widen
 from reconstruction._src.geometry.manifold import find_vertex_normals, group_sides
 from reconstruction._src.geometry.rows import find_lengths, sum_rows
 

@@ -3,8 +3,12 @@
 All results are the same as NumPy's, to the bit.
 """
 
+from __future__ import annotations
+
 import numpy as np
+import trimesh
 from jaxtyping import Bool, Float, Int, Num
+from scipy.spatial import ConvexHull, QhullError
 
 
 def any_corner(is_selected: Bool[np.ndarray, " V"], faces: Int[np.ndarray, "F k"]) -> Bool[np.ndarray, " F"]:
@@ -74,3 +78,38 @@ def sum_by_owner(
     """Return the sum of the rows of every owner, of `number` owners."""
     columns = [np.bincount(owner, rows[:, k], minlength=number) for k in range(rows.shape[1])]
     return np.stack(columns, axis=1).astype(np.float64, copy=False)  # integers where there are no rows
+
+
+def find_inside(
+    points: Float[np.ndarray, "N 3"], low: Num[np.ndarray, " 3"], high: Num[np.ndarray, " 3"]
+) -> Int[np.ndarray, " M"]:
+    """Return the points in the box between two corners: ascending indices."""
+    along = points[:, 0]
+    inside = np.flatnonzero((along >= low[0]) & (along <= high[0]))
+    for axis in (1, 2):
+        along = points[inside, axis]
+        inside = inside[(along >= low[axis]) & (along <= high[axis])]
+    return inside
+
+
+def find_near_box(
+    points: Float[np.ndarray, "N 3"], others: Float[np.ndarray, "M 3"], margin: float
+) -> Int[np.ndarray, " K"]:
+    """Return the points in the box around others, widened by a margin: ascending indices."""
+    low, high = find_extent(others)
+    return find_inside(points, low - margin, high + margin)
+
+
+def make_hull(points: Num[np.ndarray, "N 3"]) -> trimesh.Trimesh | None:
+    """Return the convex hull of points, faces outwards; None where they lie in a plane."""
+    # Not trimesh.convex.convex_hull: the same corners in another order, in nine times the time.
+    try:
+        hull = ConvexHull(np.asarray(points, dtype=np.float64))
+    except (QhullError, ValueError):
+        return None
+    corners = hull.points[hull.simplices]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_inwards = np.einsum("fi,fi->f", normals, hull.equations[:, :3]) < 0
+    faces = np.where(is_inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
+    used, numbers = np.unique(faces, return_inverse=True)
+    return trimesh.Trimesh(hull.points[used], numbers.reshape(-1, 3), process=False)

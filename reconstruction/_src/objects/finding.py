@@ -11,16 +11,13 @@ from jaxtyping import Float, Int
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.objects.alignment import align
 from reconstruction._src.objects.background import find_background, find_planes, measure_noise
-from reconstruction._src.objects.config import ObjectsConfig
-from reconstruction._src.objects.matching import make_detector, propose_poses, require_library
-from reconstruction._src.objects.model import ObjectModel, make_model
-from reconstruction._src.objects.rays import BeamIndex, Beams
-from reconstruction._src.objects.readings import Cells, make_cells, read_scan
-from reconstruction._src.objects.regions import Region, find_regions
-from reconstruction._src.objects.symmetry import choose_equivalent
+from reconstruction._src.objects.matching import align, make_detector, propose_poses, require_library
+from reconstruction._src.objects.model import ObjectModel, ObjectsConfig, choose_equivalent, make_model
+from reconstruction._src.objects.readings import Cells, Region, find_regions, make_cells, read_scan
 from reconstruction._src.objects.verification import (
+    BeamIndex,
+    Beams,
     Verdict,
     find_reach,
     verify_by_beams,

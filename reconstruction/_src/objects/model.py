@@ -2,20 +2,219 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.decimation import simplify
+from reconstruction._src.base.range_checks import check_counts, check_positive
+from reconstruction._src.geometry.mesh_repair import simplify
 from reconstruction._src.geometry.rows import cross_rows, find_areas, find_lengths
 from reconstruction._src.geometry.sampling import sample_area
-from reconstruction._src.objects.nearest import NearestFaces, make_nearest_faces
-from reconstruction._src.objects.symmetry import find_symmetries, list_turns
 
 if TYPE_CHECKING:
     import trimesh
+
+
+@dataclass(frozen=True)
+class ObjectsConfig:
+    """How known objects are searched for, and what counts as found.
+
+    Attributes:
+        spacing: readings are averaged in cells of this width for the search [m]. Wider: faster, and small parts of an
+            object are lost. The verification uses every beam.
+        noise: standard deviation of the ranges [m]; None to measure it on the large planes of the scan.
+        min_noise: noise that is measured counts as no less [m]: the mesh of an object is not exact either.
+        tolerance: a beam agrees with the object within this many standard deviations of the noise.
+        min_score: share of the beams that agree, of those that say something; lower: more false finds.
+        min_coverage: share of the beams at the object that end on it; lower: objects that are hidden for a larger
+            part are found, and more that are none.
+        min_beams: fewest beams that must end on an object.
+        plane_area: a plane of this many times the largest side of the object's box is wall, floor or table top. It
+            is not searched.
+        num_hypotheses: as many poses of the library are refined in each region.
+        sampling: distance of the points of the object in the library's matching, as a share of its diameter.
+
+    Raises:
+        ReconstructionError: a number is out of range.
+    """
+
+    spacing: float = 0.008
+    noise: float | None = None
+    min_noise: float = 0.002
+    tolerance: float = 3.0
+    min_score: float = 0.94
+    min_coverage: float = 0.3
+    min_beams: int = 40
+    plane_area: float = 2.5
+    num_hypotheses: int = 12
+    sampling: float = 0.07
+
+    def __post_init__(self) -> None:
+        names = ["spacing", "min_noise", "tolerance", "min_score", "min_coverage", "plane_area", "sampling"]
+        check_positive(self, names + (["noise"] if self.noise is not None else []), ReconstructionError)
+        check_counts(self, ("min_beams", "num_hypotheses"), ReconstructionError)
+        for name in ("min_score", "min_coverage", "sampling"):
+            if getattr(self, name) > 1.0:
+                raise ReconstructionError(
+                    f"ObjectsConfig.{name} is a share, at most 1, got {getattr(self, name)!r}"
+                )
+
+
+SAME = 0.01
+"""Two shapes are the same where no sample is farther from the other than this share of the diameter."""
+_SAME_AXIS = np.cos(np.deg2rad(3.0))
+"""Axes of inertia that deviate less from x, y or z than 3 degrees are taken as these."""
+_NUM_SAMPLES = 1500
+_FOLDS = (2, 3, 4, 6)
+_ROUND_STEPS = 36
+"""A body of revolution is taken as one with this many equal positions."""
+
+
+def find_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "S 3 3"]:
+    """Return the rotations about a center that map a mesh onto itself, the identity first.
+
+    Tried are rotations by full fractions of a turn about the axes x, y, z and the axes of inertia;
+    combinations of those found belong to the result as well.
+    """
+    points = sample_area(np.asarray(mesh.vertices), np.asarray(mesh.faces), _NUM_SAMPLES, 0) - center
+    _, axes = np.linalg.eigh(points.T @ points)
+    limit = SAME * 2 * float(np.linalg.norm(points, axis=1).max())
+    found = [np.eye(3)]
+    own = [axis for axis in axes.T if np.abs(axis).max() < _SAME_AXIS]
+    for axis in [*np.eye(3), *own]:
+        if is_same(mesh, center, points, make_turn(axis, 2.0), limit):  # no symmetry but that of revolution
+            found = [make_turn(axis, 2 * np.pi * k / _ROUND_STEPS) for k in range(_ROUND_STEPS)]
+            flip = make_turn(np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]), np.pi)
+            return _close_group([*found[:2], *([flip] if is_same(mesh, center, points, flip, limit) else [])])
+        for fold in _FOLDS:
+            turn = make_turn(axis, 2 * np.pi / fold)
+            if is_same(mesh, center, points, turn, limit):
+                found.append(turn)
+    return _close_group(found)
+
+
+def is_same(
+    mesh: trimesh.Trimesh,
+    center: Float[np.ndarray, " 3"],
+    points: Float[np.ndarray, "N 3"],
+    rotation: Float[np.ndarray, "3 3"],
+    limit: float,
+) -> bool:
+    """Return whether samples about the center, rotated, all lie on the mesh within a limit [m]."""
+    import igl
+
+    vertices = np.ascontiguousarray(np.asarray(mesh.vertices) - center)
+    faces = np.ascontiguousarray(mesh.faces, np.int64)
+    found = igl.point_mesh_squared_distance(np.ascontiguousarray(points @ rotation.T), vertices, faces)
+    return bool(np.sqrt(np.asarray(found[0]).max()) <= limit)
+
+
+def make_turn(axis: Float[np.ndarray, " 3"], angle: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation about an axis by an angle [rad] (Rodrigues)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(angle * np.asarray(axis) / np.linalg.norm(axis)).as_matrix()
+
+
+def find_angle(
+    first: Float[np.ndarray, "3 3"],
+    second: Float[np.ndarray, "3 3"],
+    symmetries: Float[np.ndarray, "S 3 3"] | None = None,
+) -> float:
+    """Return the smallest angle between two rotations of an object [rad], its symmetries left out of account."""
+    turned = first[None] if symmetries is None else first @ symmetries
+    trace = np.einsum("sij,ij->s", turned, second)
+    return float(np.arccos(np.clip((trace.max() - 1) / 2, -1.0, 1.0)))
+
+
+def choose_equivalent(
+    rotation: Float[np.ndarray, "3 3"], symmetries: Float[np.ndarray, "S 3 3"]
+) -> Float[np.ndarray, "3 3"]:
+    """Return of the rotations that look the same the one that turns least."""
+    turned = rotation @ symmetries
+    trace = np.trace(turned, axis1=1, axis2=2)
+    return turned[int(np.argmax(np.round(trace, 6)))]
+
+
+def list_turns(axes: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "T 3 3"]:
+    """Return rotations by multiples of 45 degrees about each of three axes (columns), and the 24 of a cube in them."""
+    from scipy.spatial.transform import Rotation
+
+    cube = [axes @ turn @ axes.T for turn in Rotation.create_group("O").as_matrix()]
+    single = [make_turn(axis, k * np.pi / 4) for axis in axes.T for k in (1, 3, 5, 7)]
+    return np.array(_unique([*cube, *single]))
+
+
+def _close_group(rotations: list[np.ndarray]) -> Float[np.ndarray, "S 3 3"]:
+    """Return the products of rotations, each once; a sphere, which has no end of them, keeps those of two axes."""
+    group = _unique(rotations)
+    while True:
+        larger = _unique([*group, *(a @ b for a in group for b in rotations[1:7])])
+        if len(larger) == len(group) or len(larger) > 4 * _ROUND_STEPS:
+            return np.array(larger)
+        group = larger
+
+
+def _unique(rotations: list[np.ndarray]) -> list[np.ndarray]:
+    kept: list[np.ndarray] = []
+    for each in rotations:
+        if not any(np.abs(each - other).max() < 0.02 for other in kept):
+            kept.append(each)
+    return kept
+
+
+_NUM_STEPS = 36
+"""Fields along the longest side of the table: an eighteenth of the radius each, nearly."""
+REACH = 0.5
+"""The table reaches as far beyond the object, as a share of its radius."""
+
+
+class NearestFaces(NamedTuple):
+    """The nearest face of each field of a grid.
+
+    Attributes:
+        low: `[3]` corner of the grid [m].
+        step: width of a field [m].
+        face: `[A, B, C]` index of the face that is nearest to the middle of a field.
+        distance: `[A, B, C]` from the middle to it [m].
+    """
+
+    low: Float[np.ndarray, " 3"]
+    step: float
+    face: Int[np.ndarray, "A B C"]
+    distance: Float[np.ndarray, "A B C"]
+
+    def find(
+        self, points: Float[np.ndarray, "K M 3"]
+    ) -> tuple[Float[np.ndarray, "K M"], Int[np.ndarray, "K M"]]:
+        """Return about the distance [m] and the nearest face of each point; infinite off the table."""
+        field = np.floor((points - self.low) / self.step).astype(np.int64)
+        inside = ((field >= 0) & (field < self.face.shape)).all(axis=-1)
+        i, j, k = np.where(np.asarray(inside)[..., None], field, 0).reshape(-1, 3).T
+        distance = np.where(inside, self.distance[i, j, k].reshape(inside.shape), np.inf)
+        return distance, self.face[i, j, k].reshape(inside.shape)
+
+
+def make_nearest_faces(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], radius: float
+) -> NearestFaces:
+    """Make the table of an object [m]."""
+    import igl
+
+    low = vertices.min(axis=0) - REACH * radius
+    extent = vertices.max(axis=0) + REACH * radius - low
+    step = float(extent.max()) / _NUM_STEPS
+    shape = tuple(np.ceil(extent / step).astype(int))
+    fields = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
+    middles = np.ascontiguousarray(low + (fields + 0.5) * step)
+    squared, face = igl.point_mesh_squared_distance(middles, vertices, faces)[:2]
+    return NearestFaces(
+        low, step, np.asarray(face, np.int64).reshape(shape), np.sqrt(np.asarray(squared)).reshape(shape)
+    )
+
 
 MAX_FACES = 400
 """Rays are cast at a mesh of no more faces than this."""

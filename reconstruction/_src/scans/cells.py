@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans.flat_neighbors import find_flat
+from reconstruction._src.scans.mixed_pixels import find_flat
 
 _HASH_PRIMES = np.array([73856093, 19349663, 83492791])
 """Of Teschner et al. 2003."""

@@ -15,7 +15,7 @@ from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.formats import DROPPED
 from reconstruction._src.scans.frames import FrameConfig, describe_odd_size, find_offset, make_frame
 from reconstruction._src.scans.point_files import find_kind, find_log_points, read_raw
-from reconstruction._src.scans.raw_points import RawPoints
+from reconstruction._src.scans.point_rows import RawPoints
 from reconstruction._src.scans.scan import ScanLog
 from reconstruction._src.scans.scan_3dtk import load_3dtk, read_pose
 

@@ -14,7 +14,7 @@ from reconstruction._src.base.bounded_read import check_size
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.geometry.pose import to_rotation
-from reconstruction._src.scans.raw_points import RawPoints, as_colors, is_plausible_origin
+from reconstruction._src.scans.point_rows import RawPoints, as_colors, is_plausible_origin
 
 if TYPE_CHECKING:
     import pye57

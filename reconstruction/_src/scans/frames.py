@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans.raw_points import RawPoints
+from reconstruction._src.scans.point_rows import RawPoints
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937, "in": 0.0254}
 """Meters in one unit of the file: ft is the international foot, us-ft the foot of American land surveys."""

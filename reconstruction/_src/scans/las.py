@@ -13,7 +13,7 @@ from reconstruction._src.base.bounded_read import BoundedFile
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.raw_points import RawPoints, as_colors
+from reconstruction._src.scans.point_rows import RawPoints, as_colors
 
 if TYPE_CHECKING:
     import laspy

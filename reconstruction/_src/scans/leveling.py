@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import rotate_about
-from reconstruction._src.scans.noise_priors import LEAST_SCANS, NoisePriors, estimate_shake
 from reconstruction._src.scans.scan import ScanLog
+from reconstruction._src.scans.smoothing import LEAST_SCANS, NoisePriors, estimate_shake
 
 _NEIGHBOR_VOTE = 0.5
 """Weight of the bins on both sides in the votes for a declination: a floor between two bins is found as well."""

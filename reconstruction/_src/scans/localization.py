@@ -11,10 +11,14 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.pose import make_pose, to_planar, transform_planar
 from reconstruction._src.scans.leveling import LevelingConfig, find_declination, find_tilt, use_priors
-from reconstruction._src.scans.noise_priors import UNKNOWN_SHAKE, NoisePriors, estimate_shake
-from reconstruction._src.scans.odometry import OdometryConfig, fuse_odometry
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog
-from reconstruction._src.scans.scan_matching import ScanMatchingConfig, match_to_map
+from reconstruction._src.scans.scan_matching import (
+    OdometryConfig,
+    ScanMatchingConfig,
+    fuse_odometry,
+    match_to_map,
+)
+from reconstruction._src.scans.smoothing import UNKNOWN_SHAKE, NoisePriors, estimate_shake
 
 _LEAST_VIBRATION = 1e-5
 """A robot that does not sway keeps the weights finite [rad]."""

@@ -15,7 +15,7 @@ from jaxtyping import Float, UInt8
 from reconstruction._src.base.bounded_read import BoundedFile, check_size
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.raw_points import RawPoints, as_colors, is_plausible_origin
+from reconstruction._src.scans.point_rows import RawPoints, as_colors, is_plausible_origin
 
 _NEEDED = ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA")
 _MIN_NUMBER_BYTES = 2

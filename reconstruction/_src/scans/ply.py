@@ -18,8 +18,7 @@ from jaxtyping import Float
 from reconstruction._src.base.bounded_read import BoundedFile
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.point_rows import COLORS
-from reconstruction._src.scans.raw_points import RawPoints, as_colors
+from reconstruction._src.scans.point_rows import COLORS, RawPoints, as_colors
 
 _NUMBERS = {
     "char": "i1",

@@ -23,13 +23,12 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans import point_rows
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.converters import CONVERTERS
 from reconstruction._src.scans.e57 import read_e57
 from reconstruction._src.scans.las import read_las
-from reconstruction._src.scans.mesh_files import read_mesh_points
+from reconstruction._src.scans.mesh_files import CONVERTERS, read_mesh_points
 from reconstruction._src.scans.pcd import read_pcd
 from reconstruction._src.scans.ply import read_ply
-from reconstruction._src.scans.raw_points import RawPoints
+from reconstruction._src.scans.point_rows import RawPoints
 from reconstruction._src.scans.scan import ScanLog
 from reconstruction._src.scans.scan_3dtk import to_right_handed
 from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk

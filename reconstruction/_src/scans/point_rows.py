@@ -1,15 +1,152 @@
 """Rows of a file, lines of text or binary records, as points: read in blocks into memory that was checked before."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from io import TextIOWrapper
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Num, Shaped, UInt8, UInt32
+from jaxtyping import Float, Int, Num, Shaped, UInt8, UInt32
+from numpy.typing import ArrayLike
 
 from reconstruction._src.base.bounded_read import BoundedFile, UnreadableFileError, check_size
-from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans.raw_points import RawPoints, as_colors
+from reconstruction._src.base.errors import ReconstructionError, ScanError
+
+FLATNESS = 1e-6
+"""A cloud thinner than this share of its length in two directions is a line: far below the noise of any scanner, and
+above the rounding errors of single precision."""
+_MIN_POINTS = 4
+"""A tetrahedron: fewer points span no closed surface."""
+_MAX_COORDINATE = 1e100
+"""No length; and products of three larger coordinates overflow."""
+_SAME_PLACE = 1e-12
+"""Extent of a cloud over its coordinates, below which rounding errors are all there is of it."""
+
+
+def check_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
+    """Return the points as a contiguous float64 array.
+
+    Any real number type in any memory order is accepted.
+    """
+    try:
+        array = np.asarray(points)
+        if array.dtype.kind not in "fiu":
+            raise TypeError(f"values are {array.dtype}")
+    except (TypeError, ValueError) as error:
+        raise ReconstructionError(f"points must be real numbers of the shape [N, 3]: {error}") from error
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ReconstructionError(
+            f"points must have the shape [N, 3], got {list(array.shape)}; one row x, y, z per point"
+        )
+    if len(array) < _MIN_POINTS:
+        raise ReconstructionError(f"a surface needs at least {_MIN_POINTS} points, got {len(array)}")
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    if not np.isfinite(array).all():
+        is_finite = np.isfinite(array).all(axis=1)
+        raise ReconstructionError(
+            f"{int((~is_finite).sum())} of {len(array)} points hold NaN or infinity (the first at row "
+            f"{int(np.argmin(is_finite))}); drop them: points[np.isfinite(points).all(axis=1)]"
+        )
+    _check_extent(array)
+    return array
+
+
+def check_number(points: Float[np.ndarray, "N 3"], units: int) -> None:
+    """Check the number of units of a network."""
+    if isinstance(units, bool) or not isinstance(units, int | np.integer):
+        raise ReconstructionError(f"units must be a whole number, got {units!r}")
+    if units < _MIN_POINTS:
+        raise ReconstructionError(f"units must be at least {_MIN_POINTS}, got {units}")
+    distinct = len(points)
+    if units <= distinct and len(np.unique(points[:, 0])) < units:
+        distinct = len(np.unique(points, axis=0))
+    if units > distinct:
+        raise ReconstructionError(
+            f"{units} units are more than the {distinct} distinct points; ask for at most {distinct}, "
+            "better for a tenth"
+        )
+
+
+def _check_extent(points: Float[np.ndarray, "N 3"]) -> None:
+    """Refuse clouds that lie in one place or on one line, and coordinates that would overflow."""
+    axes = np.ascontiguousarray(points.T)  # rows as long as the cloud: several times as fast
+    extent = np.ptp(axes, axis=1).max()
+    magnitude = np.abs(axes).max()
+    if not np.isfinite(extent) or magnitude > _MAX_COORDINATE:
+        raise ReconstructionError(f"coordinates up to {magnitude:.3g} are too large; what is their unit?")
+    if extent <= _SAME_PLACE * magnitude or extent == 0:
+        raise ReconstructionError(f"all {len(points)} points lie in one place, {points[0].tolist()}")
+    centered = (axes - axes.mean(axis=1, keepdims=True)) / extent
+    values = np.sqrt(np.maximum(np.linalg.eigvalsh(centered @ centered.T), 0))
+    if values[1] <= FLATNESS * values[2]:
+        raise ReconstructionError(f"all {len(points)} points lie on one line, they hold no surface")
+
+
+def check_seed(seed: int) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ReconstructionError(f"seed must be a whole number from 0 on, got {seed!r}")
+    return int(seed)
+
+
+_MAX_BYTE, _MAX_SHORT = 255, 65535
+
+
+class RawPoints(NamedTuple):
+    """The points of a file in its own frame and unit.
+
+    Attributes:
+        points: `[N, 3]`, rows may hold nan.
+        colors: `[N, 3]` red, green and blue from 0 to 255, or None.
+        viewpoints: `[K, 3]` positions of the sensor, or None.
+        seen_from: `[N]` index of the viewpoint of each point, or None.
+        meters: meters in a unit of the file, or None where the file does not say.
+        has_fixed_unit: the format has this unit, and no other.
+        up: the axis that points up ("x", "-x", ...), or None where the file does not say.
+        num_ignored: points that the file itself marks as unusable; they are left out.
+    """
+
+    points: Float[np.ndarray, "N 3"]
+    colors: UInt8[np.ndarray, "N 3"] | None = None
+    viewpoints: Float[np.ndarray, "K 3"] | None = None
+    seen_from: Int[np.ndarray, " N"] | None = None
+    meters: float | None = None
+    has_fixed_unit: bool = False
+    up: str | None = None
+    num_ignored: int = 0
+
+
+def as_colors(values: Num[np.ndarray, "N 3"]) -> UInt8[np.ndarray, "N 3"] | None:
+    """Return red, green and blue as bytes, whatever range the file uses: 0 to 1, 255 or 65535.
+
+    None where all are zero, as files hold that reserve room for colors, and where the values are no colors.
+    """
+    if values.dtype == np.uint8:
+        return values if values.any() else None
+    finite = np.nan_to_num(values.astype(np.float64), nan=0.0, posinf=np.inf, neginf=-np.inf)
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    if low < 0 or not 0 < high <= _MAX_SHORT:
+        return None
+    if values.dtype.kind == "f" and high <= 1:
+        finite *= _MAX_BYTE
+    elif high > _MAX_BYTE:
+        finite *= _MAX_BYTE / _MAX_SHORT
+    return np.round(finite).astype(np.uint8)
+
+
+def is_plausible_origin(points: Float[np.ndarray, "N 3"]) -> bool:
+    """Return whether the origin can be where the sensor stood: no farther from the points than they extend.
+
+    Formats that always state a viewpoint state the origin where nobody knew it, also for map coordinates.
+    """
+    finite = points[np.isfinite(points).all(axis=1)]
+    if not len(finite):
+        return False
+    low, high = finite.min(axis=0), finite.max(axis=0)
+    outside = np.maximum(np.maximum(low, -high), 0)
+    return bool(np.linalg.norm(outside) <= np.linalg.norm(high - low))
+
 
 COLORS = ("red", "green", "blue")
 """Names of the columns of a point's color."""

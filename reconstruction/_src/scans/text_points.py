@@ -11,7 +11,7 @@ from jaxtyping import Float
 from reconstruction._src.base.bounded_read import BoundedFile
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.raw_points import RawPoints, as_colors
+from reconstruction._src.scans.point_rows import RawPoints, as_colors
 
 _COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"))
 """Titles of the columns of a color."""

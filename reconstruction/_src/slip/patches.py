@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.range_checks import check_counts, check_positive
 from reconstruction._src.slip.drags import FrictionReadings
-from reconstruction._src.slip.segments import find_segments
+from reconstruction._src.slip.readings import find_segments
 
 _NORMAL_95 = 1.96
 """Half-width of a 95 % interval in standard deviations."""

@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.geometry.manifold import find_normals
-from reconstruction._src.geometry.reversals import split_fans
+from reconstruction._src.geometry.orientation import split_fans
 from reconstruction._src.geometry.rows import find_areas, find_lengths
-from reconstruction._src.geometry.visibility import choose_viewpoints
+from reconstruction._src.geometry.sampling import choose_viewpoints
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,15 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.boxes import find_near_box
 from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges, group_sides
-from reconstruction._src.geometry.rows import all_rows, any_corner, cross_rows, find_lengths, sum_rows
+from reconstruction._src.geometry.rows import (
+    all_rows,
+    any_corner,
+    cross_rows,
+    find_lengths,
+    find_near_box,
+    sum_rows,
+)
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
 _SHORTEST = 1e-300

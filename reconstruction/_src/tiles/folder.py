@@ -17,7 +17,7 @@ from reconstruction._src.base.atomic_write import find_leftovers, write_atomical
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.typed_json import JsonError, read_json
 from reconstruction._src.surfaces.color import add_alpha
-from reconstruction._src.tiles.buckets import Place
+from reconstruction._src.tiles.point_stream import Place
 from reconstruction._src.tiles.tile import read_colors, read_surface
 
 INDEX = "tiles.json"

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.extras import MissingExtraError
+from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import load_cloud
 from reconstruction._src.scans.formats import load_points
@@ -153,3 +155,146 @@ def _as_meters(rows: np.ndarray, meters: float | Float[np.ndarray, " 3"]) -> Flo
 def _find_offset(middle: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
     """Return the middle in whole meters, where it is far from the origin."""
     return np.round(middle) if np.abs(middle).max() > _FAR else np.zeros(3)
+
+
+@dataclass(frozen=True)
+class TilesConfig:
+    """How a large scan is divided, and how finely its tiles are reconstructed.
+
+    Attributes:
+        tile: edge of a square tile [m]. A tile and its halo are reconstructed at once: memory grows with their
+            points, and each tile costs a fixed second or so. 50 m of an aerial scan are 10^5 to 10^6 points.
+        halo: how far a tile's points reach into its neighbors [m]; None: a tenth of the tile. In it, the surfaces of
+            two neighbors are blended. It must span several units of the network; wider costs time.
+        units_per_area: units of the network in a square meter; None: one for each `points_per_unit` points.
+        points_per_unit: points for each unit at least: with fewer, a network learns the noise.
+        max_units: most units of a tile; bounds time and memory of a tile.
+        min_units: a tile with points for fewer is left out, and counted: a rim that hardly has points.
+        max_gap: seams are joined where the surfaces of both tiles are at most this far from each other, as a share
+            of the halo. Further apart they are different surfaces, such as a roof and the ground.
+    """
+
+    tile: float = 50.0
+    halo: float | None = None
+    units_per_area: float | None = None
+    points_per_unit: float = 20.0
+    max_units: int = 20_000
+    min_units: int = 25
+    max_gap: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("tile", "points_per_unit", "max_units", "max_gap"):
+            if not getattr(self, name) > 0:
+                raise ReconstructionError(f"{name} is {getattr(self, name)}; a number above 0 is needed")
+        if self.min_units < 4:
+            raise ReconstructionError(f"min_units is {self.min_units}; a network begins with 4 units")
+        if self.units_per_area is not None and not self.units_per_area > 0:
+            raise ReconstructionError(
+                f"units_per_area is {self.units_per_area}; a number above 0 is needed, or None"
+            )
+        if self.halo is not None and not 0 < self.halo <= self.tile / 2:
+            raise ReconstructionError(
+                f"halo is {self.halo}; above 0 and up to half of the tile ({self.tile / 2:g} m)"
+            )
+
+    @property
+    def width(self) -> float:
+        """Width of the halo [m]."""
+        return self.tile / 10 if self.halo is None else self.halo
+
+
+Place = tuple[int, int]
+"""Column and row of a tile: it reaches from (column, row) times its edge to one more [m]."""
+_MOST_PLACE = 2**20
+"""Columns and rows; beyond are stray points."""
+
+
+class Bucket(NamedTuple):
+    """The points of a tile.
+
+    Attributes:
+        place: column and row of the tile.
+        num_points: points in the tile itself.
+        with_halo: points in the tile and its halo, which are in the file.
+    """
+
+    place: Place
+    num_points: int
+    with_halo: int
+
+
+def fill_buckets(
+    stream: PointStream, folder: Path, config: TilesConfig, progress: Progress = silent
+) -> list[Bucket]:
+    """Write the points of each tile and its halo into a file of its own, in single precision from its corner.
+
+    Memory is that of a chunk, however many points there are; the disk needs 12 bytes a point, and the halo's share.
+    """
+    counts: dict[Place, int] = {}
+    with_halo: dict[Place, int] = {}
+    for number, chunk in enumerate(stream.chunks()):
+        points = chunk - np.append(stream.offset, np.zeros(stream.columns - 3))
+        points = points[(np.abs(points[:, :2]) < _MOST_PLACE * config.tile).all(axis=1)]
+        own = np.floor(points[:, :2] / config.tile).astype(np.int64)
+        _count(own, counts)
+        is_near = _find_near(points, own, config)
+        for shift in ((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)):
+            chosen = np.flatnonzero(is_near[0, shift[0]] & is_near[1, shift[1]])
+            _append(points[chosen], own[chosen] + shift, folder, config.tile, with_halo)
+        progress(f"points into tiles, chunk {number + 1}", 0.0)
+    return [Bucket(place, counts[place], with_halo[place]) for place in sorted(counts)]
+
+
+def read_bucket(path: Path, columns: int = 3) -> Float[np.ndarray, "N {columns}"]:
+    """Return the points of a tile and its halo, relative to its corner [m]; their colors behind them in 6 columns."""
+    return np.fromfile(path, dtype=np.float32).reshape(-1, columns).astype(np.float64)
+
+
+def name_bucket(folder: Path, place: Place) -> Path:
+    """Return the file of a tile's points."""
+    return folder / f"{place[0]}_{place[1]}.f4"
+
+
+def _find_near(
+    points: Float[np.ndarray, "N columns"], own: Int[np.ndarray, "N 2"], config: TilesConfig
+) -> dict[Place, Bool[np.ndarray, " N"]]:
+    """Return which points are near the border in a direction: (axis, step) -> bool; for step 0 all."""
+    is_near = {}
+    for axis in (0, 1):
+        depth = points[:, axis] - own[:, axis] * config.tile
+        is_near[axis, -1] = depth <= config.width
+        is_near[axis, 0] = np.ones(len(points), dtype=bool)
+        is_near[axis, 1] = depth >= config.tile - config.width
+    return is_near
+
+
+def _append(
+    points: Float[np.ndarray, "N columns"],
+    places: Int[np.ndarray, "N 2"],
+    folder: Path,
+    tile: float,
+    totals: dict[Place, int],
+) -> None:
+    """Append points to the files of their tiles."""
+    if not len(points):
+        return
+    numbers = places[:, 0] * (4 * _MOST_PLACE) + places[:, 1]
+    order = np.argsort(numbers, kind="stable")  # points stay in the order of the source
+    points, places = points[order], places[order]
+    starts = np.flatnonzero(np.r_[True, np.diff(numbers[order]) != 0])
+    for begin, end in zip(starts, [*starts[1:], len(points)], strict=True):
+        place = (int(places[begin, 0]), int(places[begin, 1]))
+        corner = np.zeros(points.shape[1])
+        corner[:2] = place[0] * tile, place[1] * tile
+        local = points[begin:end] - corner
+        with name_bucket(folder, place).open("ab") as bucket:
+            bucket.write(local.astype(np.float32).tobytes())
+        totals[place] = totals.get(place, 0) + int(end - begin)
+
+
+def _count(places: Int[np.ndarray, "N 2"], counts: dict[Place, int]) -> None:
+    different, numbers = np.unique(places[:, 0] * (4 * _MOST_PLACE) + places[:, 1], return_counts=True)
+    for place, number in zip(different.tolist(), numbers.tolist(), strict=True):
+        column = (place + 2 * _MOST_PLACE) // (4 * _MOST_PLACE)
+        key = (column, place - column * 4 * _MOST_PLACE)
+        counts[key] = counts.get(key, 0) + number

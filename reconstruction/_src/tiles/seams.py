@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from reconstruction._src.tiles.config import TilesConfig
+from reconstruction._src.tiles.point_stream import TilesConfig
 
 _ON_BORDER = 1e-9
 """A vertex this near to a border lies on it [m]."""

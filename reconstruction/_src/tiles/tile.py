@@ -15,8 +15,7 @@ from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.preprocess import preprocess
 from reconstruction._src.surfaces.color import WHITE, ColorSource
-from reconstruction._src.tiles.buckets import read_bucket
-from reconstruction._src.tiles.config import TilesConfig
+from reconstruction._src.tiles.point_stream import TilesConfig, read_bucket
 
 _STEPS_PER_OCTAVE = 4
 """Numbers of units come in steps of 2^(1/4): the programs of a network are compiled for each number of units and

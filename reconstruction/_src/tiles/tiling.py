@@ -15,10 +15,15 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.tiles.buckets import Bucket, Place, fill_buckets, name_bucket
-from reconstruction._src.tiles.config import TilesConfig
 from reconstruction._src.tiles.folder import TiledSurface, claim_folder, name_tile, write_index
-from reconstruction._src.tiles.point_stream import open_points
+from reconstruction._src.tiles.point_stream import (
+    Bucket,
+    Place,
+    TilesConfig,
+    fill_buckets,
+    name_bucket,
+    open_points,
+)
 from reconstruction._src.tiles.seams import Surface, join_tile
 from reconstruction._src.tiles.tile import find_tile_colors, read_surface, reconstruct_tile, write_surface
 from reconstruction._src.tiles.workers import RunJobs, run_in_processes

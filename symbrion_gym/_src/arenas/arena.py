@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,22 +13,21 @@ import trimesh
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.quantities import format_distance
+from reconstruction._src.base.range_checks import format_distance
 from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.surfaces.color import paint_mesh
 from reconstruction._src.surfaces.primitives.find import Primitives
 from symbrion_gym._src.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.folder import load_arena_folder
-from symbrion_gym._src.arenas.friction_map import FrictionMap
-from symbrion_gym._src.arenas.friction_pieces import split_pieces
-from symbrion_gym._src.arenas.geometry import ArenaGeometry
+from symbrion_gym._src.arenas.friction_map import FrictionMap, split_pieces
 from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects, check_objects
 from symbrion_gym._src.arenas.primitives import primitives_to_dict
-from symbrion_gym._src.arenas.saving import save_arena
+from symbrion_gym._src.arenas.saving import load_arena_folder, save_arena
 from symbrion_gym._src.arenas.seen_places import SeenPlaces
-from symbrion_gym._src.arenas.spec import make_arena_spec
+from symbrion_gym._src.arenas.spec import ArenaGeometry, make_arena_spec
 from symbrion_gym._src.arenas.surface_colors import find_surface_colors, paint_course
-from symbrion_gym._src.arenas.texture import SurfaceTexture, check_texture
+from symbrion_gym._src.arenas.texture import AtlasConfig, SurfaceTexture, check_texture, make_texture
 from symbrion_gym._src.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
@@ -293,3 +292,21 @@ class Arena:
             ArenaError: there is no arena in the folder, or a damaged one.
         """
         return cls(**load_arena_folder(folder))
+
+
+def color_arena(arena: Arena, cloud: Cloud, config: AtlasConfig | None = None) -> Arena:
+    """Return an arena whose surface has the colors of the points around it; its contact stays the same.
+
+    Args:
+        arena: stays as it is.
+        cloud: colored points, in the frame of the arena: coordinates of the scan minus `arena.offset` [m].
+        config: how fine the texture is.
+
+    Raises:
+        ArenaError: the points have no colors.
+    """
+    if cloud.colors is None or not cloud.num_points:
+        raise ArenaError("the cloud has no colored points; give a Cloud with colors")
+    surface = arena.surface.copy()
+    paint_mesh(surface, cloud)
+    return replace(arena, surface=surface, texture=make_texture(surface, cloud, config))

@@ -17,8 +17,7 @@ from jaxtyping import Bool
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.cache import find_cache_folder
-from symbrion_gym._src.contact.contact import Contact
-from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.kinds import Contact, HeightField
 from symbrion_gym._src.contact.options import ContactOptions
 from symbrion_gym._src.contact.quality import ArenaQuality
 

@@ -51,7 +51,7 @@ def check_name(name: str) -> None:
 
 def check_piece(piece: trimesh.Trimesh, source: object) -> None:
     """Refuse a contact piece that MuJoCo cannot compile: it takes the hull of the vertices in single precision."""
-    from reconstruction._src.geometry.hulls import make_hull
+    from reconstruction._src.geometry.rows import make_hull
 
     check_vertices(piece, source)
     if len(piece.vertices) < 4 or not len(piece.faces) or not piece.is_watertight:

@@ -14,7 +14,7 @@ import trimesh
 from jaxtyping import Float, Int
 
 from reconstruction._src.base.typed_json import JsonError, as_type
-from reconstruction._src.geometry.hulls import make_hull
+from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.color_patterns import check_pattern
 from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym._src.errors import ArenaError

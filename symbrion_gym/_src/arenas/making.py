@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
+from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.base.progress import Progress, silent
-from symbrion_gym._src.arenas.arena import Arena
+from reconstruction._src.tiles.folder import TiledSurface
+from symbrion_gym._src.arenas.arena import Arena, color_arena
 from symbrion_gym._src.arenas.cache import find_versions, get_or_make
-from symbrion_gym._src.arenas.coloring import color_arena
+from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.friction_map import FrictionMap
-from symbrion_gym._src.arenas.ground_friction import choose_friction
-from symbrion_gym._src.arenas.mixed_contact import Touched, add_solids, leave_solids_out
-from symbrion_gym._src.arenas.primitives import find_arena_primitives
+from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
+from symbrion_gym._src.arenas.primitives import Touched, add_solids, find_arena_primitives, leave_solids_out
 from symbrion_gym._src.arenas.scan_quality import add_scan_quality
 from symbrion_gym._src.arenas.scanned import (
     MeshFrame,
@@ -30,13 +32,64 @@ from symbrion_gym._src.arenas.scanned import (
 )
 from symbrion_gym._src.arenas.seen_places import choose_positions
 from symbrion_gym._src.contact.builder import make_contact
-from symbrion_gym._src.contact.contact import Contact
-from symbrion_gym._src.contact.default_accuracy import find_accuracy
-from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
+from symbrion_gym._src.contact.kinds import Contact
+from symbrion_gym._src.contact.options import ContactConfig, ContactOptions, find_accuracy
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
     from reconstruction._src.reconstruction import Reconstruction
+    from reconstruction._src.slip.patches import EstimatedPatch, FrictionEstimate
+
+ASSUMED_FRICTION = 0.7
+"""Rubber tracks on a hard floor, about; a scan does not show it."""
+
+
+class GroundFriction(NamedTuple):
+    """The friction of a ground.
+
+    Attributes:
+        friction: sliding friction outside of all patches.
+        source: see `Arena.friction_source`.
+        friction_map: patches with another friction, or None.
+    """
+
+    friction: float
+    source: str
+    friction_map: FrictionMap | None
+
+
+def choose_friction(
+    friction: float | None,
+    friction_map: FrictionMap | None,
+    course: Course | StairsCourse | None,
+    felt: FrictionEstimate | None,
+) -> GroundFriction:
+    """Return the friction of an arena: what is given goes before the course, this before what robots felt."""
+    if friction is not None:
+        return GroundFriction(friction, "given", friction_map)
+    if course is not None:
+        return GroundFriction(course.friction, "exact", friction_map or course.friction_map)
+    if felt is None:
+        return GroundFriction(ASSUMED_FRICTION, "assumed", friction_map)
+    return GroundFriction(
+        _clip(felt.patches[0].friction), "estimated", friction_map or make_friction_map(felt)
+    )
+
+
+def make_friction_map(felt: FrictionEstimate) -> FrictionMap:
+    """Return what robots felt as a map: the largest patch is the ground outside of the others."""
+    patches = tuple(_make_patch(patch) for patch in felt.patches[1:] if len(patch.rectangles))
+    return FrictionMap(patches, felt.patches[0].half_width)
+
+
+def _make_patch(patch: EstimatedPatch) -> FrictionPatch:
+    outlines = tuple(((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for x0, y0, x1, y1 in patch.rectangles.tolist())
+    return FrictionPatch(_clip(patch.friction), outlines, patch.half_width)
+
+
+def _clip(friction: float) -> float:
+    return float(np.clip(friction, *FRICTION_LIMITS))
+
 
 _NO_COLORS = (
     "images of environments and MuJoCo's viewer show an arena of the kind 'mixed' without its colors, which "
@@ -174,3 +227,30 @@ def make_arena(
         primitives=primitives,
     )
     return arena if scanned.colored is None else color_arena(arena, scanned.colored)
+
+
+def load_tiles(
+    folder: str | Path, center: ArrayLike | None = None, radius: float = 25.0, **options: Any
+) -> Arena:
+    """Return an arena of the tiles around a place; the others are not read.
+
+    Args:
+        folder: a folder by `rc.reconstruct_tiles` or `symbrion reconstruct --tile`.
+        center: (x, y) of the place, in the frame of the tiles: coordinates of the scan minus the offset [m]; None: the
+            middle of all tiles.
+        radius: tiles that a circle of this radius touches are part of the arena, whole [m].
+        options: options of `make_arena`.
+
+    Raises:
+        ArenaError: no tiles, or none near; or the arena cannot be built.
+    """
+    try:
+        tiles = TiledSurface.load(folder)
+        mesh = tiles.mesh(center, radius)
+    except ReconstructionError as error:
+        raise ArenaError(str(error)) from error
+    arena = make_arena(mesh, **{"name": Path(folder).resolve().name, **options})
+    about: dict[str, Any] = {"provenance": arena.provenance | {"offset": list(tiles.offset)}}
+    if any(field.name == "offset" for field in dataclasses.fields(arena)):
+        about["offset"] = tiles.offset
+    return dataclasses.replace(arena, **about)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from reconstruction._src.geometry.decimation import simplify
+from reconstruction._src.geometry.mesh_repair import simplify
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.errors import ArenaError

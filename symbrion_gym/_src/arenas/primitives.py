@@ -2,20 +2,107 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
+import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Bool
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.typed_json import JsonError, as_type
-from reconstruction._src.surfaces.primitives.config import PrimitivesConfig
 from reconstruction._src.surfaces.primitives.find import Primitives, find_primitives
-from reconstruction._src.surfaces.primitives.primitive import Primitive
-from symbrion_gym._src.arenas.beam_cost import pays
+from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
+from symbrion_gym._src.contact.distances import SurfaceDistance
+from symbrion_gym._src.contact.kinds import Contact
+from symbrion_gym._src.contact.options import ContactConfig
 from symbrion_gym._src.errors import ArenaError
+
+_GEOMS = {
+    "plane": mujoco.mjtGeom.mjGEOM_BOX,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+}
+
+
+def add_primitive(spec: mujoco.MjSpec, name: str, one: Primitive, **options: Any) -> mujoco.MjsGeom:
+    """Add a primitive to the world of a spec as a geom."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(one.axes).ravel())
+    return spec.worldbody.add_geom(
+        name=name, type=_GEOMS[one.kind], pos=one.center, quat=quaternion, size=one.half_sizes, **options
+    )
+
+
+def add_mixed_surface(
+    spec: mujoco.MjSpec, surface: trimesh.Trimesh, primitives: Primitives, options: dict[str, Any]
+) -> None:
+    """Add what rays see: primitives, and the triangles that they do not replace as meshes."""
+    for i, one in enumerate(primitives.shapes):
+        add_primitive(spec, f"arena_primitive_{i}", one, **options)
+    for i, corners in enumerate(_join_small(primitives.find_rest(surface))):
+        vertices, index = np.unique(corners.reshape(-1, 3).astype(np.float32), axis=0, return_inverse=True)
+        name = f"arena_surface_{i}"
+        spec.add_mesh(
+            name=name,
+            uservert=vertices.astype(np.float64).ravel(),
+            userface=index.astype(np.int32).ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
+
+
+def _join_small(parts: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return parts that MuJoCo compiles: those of fewer than two triangles join the next."""
+    joined: list[np.ndarray] = []
+    for part in sorted(parts, key=len):
+        if joined and len(joined[-1]) < 2:
+            part = np.concatenate([joined.pop(), part])
+        joined.append(part)
+    return joined
+
+
+MOST_COST = 0.67
+"""Primitives are used where beams cost at most this share of what they cost on the triangles alone. Time follows the
+cost within a third where most beams hit something, as in rooms and on courses; beyond two thirds nothing is sure to be
+saved: a table that stands alone costs 0.70 by this measure, and 1.7 in time."""
+
+
+def find_beam_cost(surface: trimesh.Trimesh, primitives: Primitives) -> float:
+    """Return how many boxes of MuJoCo's trees a random beam through the surface's box enters, in the mean.
+
+    A count, no time: the same on every machine.
+
+    References:
+        MacDonald and Booth (1990), Heuristics for ray tracing using space subdivision, The Visual Computer 6, section
+        3: a box within another is met with the ratio of their areas.
+    """
+    spec = mujoco.MjSpec()
+    add_mixed_surface(spec, surface, primitives, {})
+    model = spec.compile()
+    area = _measure_sides(model.bvh_aabb.reshape(-1, 6)[:, 3:])
+    whole = _measure_sides(np.asarray(surface.extents)[None] / 2)[0]
+    cost = 0.0
+    for start, count in zip(model.mesh_bvhadr, model.mesh_bvhnum, strict=True):
+        cost += float(area[start : start + count].sum() / whole)
+    return cost
+
+
+def pays(surface: trimesh.Trimesh, primitives: Primitives) -> bool:
+    """Return whether beams on primitives and the rest cost clearly less than on the triangles alone."""
+    if not any(one.kind == "plane" for one in primitives.shapes):
+        return True
+    none = primitives._replace(shapes=[])
+    return find_beam_cost(surface, primitives) <= MOST_COST * find_beam_cost(surface, none)
+
+
+def _measure_sides(half: np.ndarray) -> np.ndarray:
+    """Return half the area of boxes of some half sizes [m²], but for a factor."""
+    return half[:, 0] * half[:, 1] + half[:, 1] * half[:, 2] + half[:, 2] * half[:, 0]
+
 
 _FAR = 1e6
 """Farther out is no arena [m]."""
@@ -105,3 +192,46 @@ def take_solids_out(surface: trimesh.Trimesh, primitives: Primitives) -> Bool[np
     for solid in find_solids(primitives):
         is_left &= ~solid.find_replaced(corners, primitives.tolerance)
     return is_left
+
+
+_FEWEST = 4
+"""Faces of a rest that pieces can be made of."""
+
+
+class Touched(NamedTuple):
+    """A surface that pieces are made of.
+
+    Attributes:
+        mesh: the surface.
+        is_two_sided: which of its faces were seen from behind, too.
+    """
+
+    mesh: trimesh.Trimesh
+    is_two_sided: Bool[np.ndarray, " F"] | None
+
+
+def leave_solids_out(
+    mesh: trimesh.Trimesh, is_two_sided: Bool[np.ndarray, " F"] | None, primitives: Primitives
+) -> Touched:
+    """Return a surface without the faces that solid primitives replace; all of it where hardly any would be left."""
+    is_left = take_solids_out(mesh, primitives)
+    if is_left.all() or is_left.sum() < _FEWEST:
+        return Touched(mesh, is_two_sided)
+    rest = trimesh.Trimesh(mesh.vertices, mesh.faces[is_left], process=False)
+    rest.remove_unreferenced_vertices()
+    return Touched(rest, None if is_two_sided is None else is_two_sided[is_left])
+
+
+def add_solids(
+    contact: Contact, mesh: trimesh.Trimesh, primitives: Primitives, config: ContactConfig
+) -> Contact:
+    """Return contact with the solid primitives as its last pieces, and its distances from the whole surface."""
+    solids = [solid.as_mesh() for solid in find_solids(primitives)]
+    kinds = [one.kind for one in primitives.shapes]
+    notes = {**contact.notes, "primitives": {kind: kinds.count(kind) for kind in sorted(set(kinds))}}
+    if not solids:
+        return replace(contact, notes=notes)
+    is_rest = take_solids_out(mesh, primitives).sum() >= _FEWEST
+    pieces = [*contact.pieces, *solids] if is_rest else solids
+    quality = SurfaceDistance(mesh, config.distance).measure(pieces, contact.quality.seconds)
+    return replace(contact, pieces=pieces, quality=quality, notes=notes)

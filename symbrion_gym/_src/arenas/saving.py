@@ -20,15 +20,16 @@ import mujoco
 import numpy as np
 
 from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
+from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.typed_json import read_json
-from symbrion_gym._src.arenas.description import FORMAT, PLAIN, SPARE
+from symbrion_gym._src.arenas.checks import check_height_field, check_piece, check_surface
+from symbrion_gym._src.arenas.description import FORMAT, PLAIN, SPARE, load_description
 from symbrion_gym._src.arenas.friction_map import FrictionMap
-from symbrion_gym._src.arenas.geometry import ArenaGeometry
-from symbrion_gym._src.arenas.obj_mesh import format_surface
 from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects
-from symbrion_gym._src.arenas.png import to_png
-from symbrion_gym._src.arenas.spec import make_arena_spec
-from symbrion_gym._src.arenas.texture import TEXTURE_FILE
+from symbrion_gym._src.arenas.spec import ArenaGeometry, make_arena_spec
+from symbrion_gym._src.arenas.surface_file import format_surface, load_colored_obj, load_obj
+from symbrion_gym._src.arenas.texture import TEXTURE_FILE, SurfaceTexture, load_png, to_png
+from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.errors import ArenaError
 
 logger = logging.getLogger(__name__)
@@ -206,3 +207,30 @@ def _format_model(spec: mujoco.MjSpec, meshes: dict[str, bytes]) -> str:
 
 def _to_json(about: dict[str, Any]) -> bytes:
     return (json.dumps(about, indent=2, allow_nan=False) + "\n").encode()
+
+
+def load_arena_folder(folder: str | Path) -> dict[str, Any]:
+    """Return the fields of the arena in a folder."""
+    folder = Path(folder)
+    fields, files = load_description(folder / "arena.json")
+    surface, uv = load_colored_obj(files.surface)
+    pieces = [load_obj(path) for path in files.pieces]
+    check_surface(surface, files.surface)
+    texture = None
+    if files.texture is not None:
+        texture = SurfaceTexture(load_png(files.texture), np.zeros((0, 3, 2)) if uv is None else uv)
+    for piece, path in zip(pieces, files.pieces, strict=True):
+        check_piece(piece, path)
+    height_field = None if files.height_field is None else _load_height_field(files.height_field)
+    shapes = {"surface": surface, "pieces": pieces, "height_field": height_field}
+    return fields | shapes | ({} if texture is None else {"texture": texture})
+
+
+def _load_height_field(path: Path) -> HeightField:
+    try:
+        arrays = read_npz(path, HeightField._fields)
+        field = HeightField(*(arrays[name] for name in HeightField._fields))
+    except (KeyError, TypeError, ValueError, OSError) as error:
+        raise ArenaError(f"{path}: damaged ({error}); build the arena again with make_arena") from error
+    check_height_field(field, path)
+    return field

@@ -15,20 +15,39 @@ from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction._src.geometry.orientation import orient_to_viewpoints
-from reconstruction._src.geometry.visibility import count_votes
+from reconstruction._src.geometry.sampling import count_votes, sample_area
 from reconstruction._src.input_cloud import shift_frame
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import describe_odd_size, find_offset, make_frame
-from reconstruction._src.scans.raw_points import RawPoints
-from symbrion_gym._src.arenas.exact_readings import simulate_readings
-from symbrion_gym._src.arenas.mesh_colors import sample_mesh_colors
+from reconstruction._src.scans.point_rows import RawPoints
+from symbrion_gym._src.arenas.surface_colors import sample_mesh_colors
 from symbrion_gym._src.arenas.surface_file import check_has_surface, load_surface
-from symbrion_gym._src.contact.ray_mesh import RayMesh
+from symbrion_gym._src.contact.quality import RayMesh
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
     from reconstruction._src.reconstruction import Reconstruction
     from reconstruction._src.slip.patches import FrictionEstimate
+
+_HIDDEN = 1e-3
+"""A point of a surface is hidden where the surface is nearer to the viewpoint by more than this [m]."""
+
+
+def simulate_readings(
+    surface: trimesh.Trimesh, viewpoints: Float[np.ndarray, "K 3"], num_points: int = 20_000
+) -> tuple[Float[np.ndarray, "N 3"], Int[np.ndarray, " N"]]:
+    """Return exact readings of a surface whose scan is not known, and the viewpoint of each."""
+    vertices = np.asarray(surface.vertices, dtype=np.float64)
+    points = sample_area(vertices, np.asarray(surface.faces, dtype=np.int64), num_points)
+    rays, found, seen_from = RayMesh([surface]), [], []
+    for index, viewpoint in enumerate(viewpoints):
+        ways = points - viewpoint
+        ranges = np.maximum(np.linalg.norm(ways, axis=1), _HIDDEN)
+        is_seen = rays.cast(np.tile(viewpoint, (len(points), 1)), ways / ranges[:, None]) >= ranges - _HIDDEN
+        found.append(points[is_seen])
+        seen_from.append(np.full(int(is_seen.sum()), index))
+    return np.concatenate(found), np.concatenate(seen_from)
+
 
 _WITH_FRAME = (".glb", ".gltf", ".dae")
 """Formats that say which way is up and in which unit."""

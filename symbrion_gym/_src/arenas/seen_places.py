@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
 
-from symbrion_gym._src.contact.ray_mesh import RayMesh
+from symbrion_gym._src.contact.quality import RayMesh
 
 MOST_VIEWPOINTS = 64
 """As many positions of the scanner are kept with an arena, evenly spread over the scan."""

@@ -2,19 +2,38 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from reconstruction._src.geometry.rectangles import find_box
-from symbrion_gym._src.arenas.friction_map import FrictionMap
-from symbrion_gym._src.arenas.friction_pieces import find_piece_patches
-from symbrion_gym._src.arenas.geometry import ArenaGeometry
-from symbrion_gym._src.arenas.mixed_surface import add_mixed_surface, add_primitive
-from symbrion_gym._src.arenas.primitives import find_solids
-from symbrion_gym._src.arenas.texture_material import add_texture
+from reconstruction._src.geometry.halfspaces import find_box
+from reconstruction._src.surfaces.primitives.find import Primitives
+from symbrion_gym._src.arenas.friction_map import FrictionMap, find_piece_patches
+from symbrion_gym._src.arenas.primitives import add_mixed_surface, add_primitive, find_solids
+from symbrion_gym._src.arenas.texture import SurfaceTexture, add_texture
 from symbrion_gym._src.contact.kinds import HeightField
+
+
+class ArenaGeometry(NamedTuple):
+    """The shapes of an arena.
+
+    Attributes:
+        surface: the exact surface, for rays and pictures.
+        pieces: convex solids, for contact.
+        height_field: in place of pieces, for the kind "hfield".
+        texture: colors of the surface; None where they are unknown.
+        primitives: in place of triangles, for the kind "mixed"; the solid ones are the last pieces.
+    """
+
+    surface: trimesh.Trimesh
+    pieces: list[trimesh.Trimesh]
+    height_field: HeightField | None
+    texture: SurfaceTexture | None = None
+    primitives: Primitives | None = None
+
 
 SURFACE_GROUP = 2
 """Geom group of the exact surface: drawn, hit by rays, touched by nothing."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from reconstruction._src.geometry.rectangles import find_box
+from reconstruction._src.geometry.halfspaces import find_box
 from reconstruction._src.surfaces.color import copy_vertex_colors
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+from typing import Any
+
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 
+from reconstruction._src.geometry.rows import find_areas
+from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.surfaces.color import WHITE, add_alpha
 from symbrion_gym._src.arenas.color_patterns import PATTERNS
 from symbrion_gym._src.arenas.course import Course, StairsCourse
@@ -59,3 +64,57 @@ def _find_nearest(
         np.atleast_1d(np.asarray(face, dtype=np.int64)),
         np.reshape(np.asarray(nearest), (-1, 3)),
     )
+
+
+_NUM_SAMPLES = 200_000
+"""Points on the faces, beside the vertices: 1 cm apart on 20 m²."""
+
+_logger = logging.getLogger(__name__)
+
+
+def sample_mesh_colors(mesh: trimesh.Trimesh, vertices: Float[np.ndarray, "V 3"]) -> Cloud | None:
+    """Return points on a mesh with its colors: those of its vertices, its faces or its texture; None without colors."""
+    visual: Any = mesh.visual
+    faces = np.asarray(mesh.faces)
+    if visual is None or not visual.defined or not len(faces) or not np.isfinite(vertices).all():
+        return None
+    if isinstance(visual, trimesh.visual.TextureVisuals) and not _has_picture(visual):
+        return None
+    rng = np.random.default_rng(0)
+    areas = find_areas(vertices, faces)
+    if not areas.sum() > 0:
+        return None
+    place = (np.arange(_NUM_SAMPLES) + 0.5) / _NUM_SAMPLES * areas.sum()
+    face = np.minimum(np.searchsorted(np.cumsum(areas), place), len(faces) - 1)
+    weights = rng.dirichlet(np.ones(3), _NUM_SAMPLES)
+    try:
+        colors = _find_colors(mesh, face, weights)
+    except (
+        Exception
+    ) as error:  # trimesh needs a library for pictures, and files name pictures that are not there
+        _logger.warning("the colors of the mesh are left out: %s", error)
+        return None
+    return Cloud(np.einsum("sk,ski->si", weights, vertices[faces[face]]), colors)
+
+
+def _has_picture(visual: trimesh.visual.TextureVisuals) -> bool:
+    """Return whether a mesh has a picture: one plain color for all is that of a program, not of a scan."""
+    material = visual.material
+    pictures = (getattr(material, name, None) for name in ("image", "baseColorTexture"))
+    return visual.uv is not None and any(picture is not None for picture in pictures)
+
+
+def _find_colors(
+    mesh: trimesh.Trimesh, face: np.ndarray, weights: Float[np.ndarray, "S 3"]
+) -> UInt8[np.ndarray, "S 3"]:
+    """Return the colors of places on faces."""
+    visual: Any = mesh.visual
+    corners = np.asarray(mesh.faces)[face]
+    if isinstance(visual, trimesh.visual.TextureVisuals):
+        uv = np.asarray(visual.uv)
+        found = visual.material.to_color(np.einsum("sk,ski->si", weights, uv[corners]))
+        return np.ascontiguousarray(np.asarray(found)[:, :3], dtype=np.uint8)
+    if visual.kind == "face":
+        return np.ascontiguousarray(np.asarray(visual.face_colors)[face, :3], dtype=np.uint8)
+    mixed = np.einsum("sk,ski->si", weights, np.asarray(visual.vertex_colors)[corners, :3].astype(np.float64))
+    return np.round(mixed).astype(np.uint8)

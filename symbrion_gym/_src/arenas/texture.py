@@ -2,17 +2,191 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int, UInt8
 
+from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.surfaces.color import ColorSource
-from reconstruction._src.surfaces.color_error import Paint
-from symbrion_gym._src.arenas.texture_atlas import Atlas, AtlasConfig, iterate_texels, make_atlas
+from reconstruction._src.surfaces.color import ColorSource, Paint
 from symbrion_gym._src.errors import ArenaError
+
+_BLOCK = 8
+"""Edge of the smallest cell, of which all others are made [texel]."""
+_RIM = 4
+"""Texels of a cell's edge that are no part of a triangle's leg: filters read across its sides."""
+_GROWTH = 1.19
+"""Texels grow by this until all cells fit: their number halves in two steps."""
+_MOST_TEXELS = 200_000
+"""Texels that are worked on at once: bounds the memory to some 100 MB."""
+_BITS = 10
+"""Of each coordinate in the order of triangles in space."""
+
+
+@dataclass(frozen=True)
+class AtlasConfig:
+    """How fine the texture of a surface is.
+
+    Attributes:
+        texel: edge of a texel on the surface [m]; 0: the distance between colored points.
+        max_size: edge of the picture [texel], a power of two; texels grow until all triangles fit.
+        max_cell: edge of the cell of the largest triangles [texel], a power of two.
+    """
+
+    texel: float = 0.0
+    max_size: int = 2048
+    max_cell: int = 512
+
+    def __post_init__(self) -> None:
+        check_all_positive(self, may_be_zero=("texel",))
+        for name in ("max_size", "max_cell"):
+            value = getattr(self, name)
+            if value < _BLOCK or value & (value - 1):
+                raise ArenaError(f"AtlasConfig: {name} must be a power of two from {_BLOCK} on, got {value}")
+
+
+class Cells(NamedTuple):
+    """Cells of one size, each with two triangles.
+
+    Attributes:
+        size: edge [texel].
+        corner: column and row of the upper left texel.
+        faces: triangle in the upper left and in the lower right half; -1 for none.
+    """
+
+    size: int
+    corner: Int[np.ndarray, "C 2"]
+    faces: Int[np.ndarray, "C 2"]
+
+
+class Atlas(NamedTuple):
+    """A layout of triangles.
+
+    Attributes:
+        width: of the picture [texel].
+        height: of the picture [texel].
+        order: for each face its corners, that of the right angle in the cell first.
+        cells: by size, largest first.
+    """
+
+    width: int
+    height: int
+    order: Int[np.ndarray, "F 3"]
+    cells: list[Cells]
+
+    def find_uv(self) -> Float[np.ndarray, "F 3 2"]:
+        """Return column and row of the corners of every face, from 0 at the left and at the bottom to 1."""
+        uv = np.zeros((len(self.order), 3, 2))
+        for cells in self.cells:
+            for half, places in enumerate(_find_corners(cells.size)):
+                chosen = cells.faces[:, half]
+                rows = np.flatnonzero(chosen >= 0)
+                at = cells.corner[rows, None] + places
+                at = np.stack([at[..., 0] / self.width, 1.0 - at[..., 1] / self.height], axis=-1)
+                uv[chosen[rows, None], self.order[chosen[rows]]] = at
+        return uv
+
+
+def make_atlas(triangles: Float[np.ndarray, "F 3 3"], texel: float, config: AtlasConfig) -> Atlas:
+    """Lay out triangles, in cells so large that texels are no larger than wanted, where the picture has room for it."""
+    lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)  # edge k: from corner k on
+    first = (lengths.argmax(axis=1) + 2) % 3  # opposite to the longest edge
+    order = (first[:, None] + np.arange(3)) % 3
+    legs = np.sort(lengths, axis=1)[:, 1]
+    rank = np.argsort(_find_codes(triangles.mean(axis=1)), kind="stable")
+    sizes = _choose_sizes(legs, texel, config)
+    while _count_blocks(sizes) * _BLOCK**2 > config.max_size**2 and (sizes > _BLOCK).any():
+        texel *= _GROWTH
+        sizes = _choose_sizes(legs, texel, config)
+    side = _BLOCK
+    while side**2 < _count_blocks(sizes) * _BLOCK**2:
+        side *= 2
+    is_half = 2 * _count_blocks(sizes) * _BLOCK**2 <= side**2
+    cells, used = [], 0
+    for size in sorted(set(sizes.tolist()), reverse=True):
+        faces = rank[sizes[rank] == size]
+        pairs = np.append(faces, np.full(len(faces) % 2, -1)).reshape(-1, 2)
+        step = (size // _BLOCK) ** 2
+        cells.append(Cells(size, _BLOCK * _decode(used + step * np.arange(len(pairs))), pairs))
+        used += step * len(pairs)
+    return Atlas(side, side // 2 if is_half and side > _BLOCK else side, order, cells)
+
+
+def iterate_texels(
+    atlas: Atlas, triangles: Float[np.ndarray, "F 3 3"]
+) -> Iterator[tuple[Int[np.ndarray, "T 2"], Int[np.ndarray, " T"], Float[np.ndarray, "T 3"]]]:
+    """Yield columns and rows of texels, their faces, and the places that they show [m].
+
+    Texels beside a triangle show its plane, so that filters find the color of what goes on there.
+    """
+    for cells in atlas.cells:
+        grid = np.stack(np.meshgrid(np.arange(cells.size), np.arange(cells.size)), axis=-1).reshape(-1, 2)
+        is_lower = grid.sum(axis=1) >= cells.size
+        weights = _find_weights(cells.size, grid[:, 0] + 0.5, grid[:, 1] + 0.5, is_lower)
+        most = max(1, _MOST_TEXELS // len(grid))
+        for start in range(0, len(cells.faces), most):
+            pairs = cells.faces[start : start + most]
+            second = np.where(pairs[:, 1] < 0, pairs[:, 0], pairs[:, 1])  # an empty half is never shown
+            faces = np.where(is_lower, second[:, None], pairs[:, :1])
+            corners = np.take_along_axis(triangles, atlas.order[..., None], axis=1)[faces]
+            places = np.einsum("tk,ctki->cti", weights, corners)
+            at = cells.corner[start : start + most, None] + grid
+            yield at.reshape(-1, 2), faces.ravel(), places.reshape(-1, 3)
+
+
+def _choose_sizes(legs: Float[np.ndarray, " F"], texel: float, config: AtlasConfig) -> Int[np.ndarray, " F"]:
+    wanted = np.maximum(legs / texel + _RIM, _BLOCK)
+    return np.minimum(2 ** np.ceil(np.log2(wanted)).astype(np.int64), min(config.max_cell, config.max_size))
+
+
+def _count_blocks(sizes: Int[np.ndarray, " F"]) -> int:
+    different, counts = np.unique(sizes, return_counts=True)
+    return int((((different // _BLOCK) ** 2) * -(-counts // 2)).sum())
+
+
+def _find_corners(size: int) -> Int[np.ndarray, "2 3 2"]:
+    """Return column and row of the corners of both triangles in a cell; the right angle first."""
+    far, near = size - _RIM + 1, _RIM - 1
+    return np.array(
+        [[(1, 1), (far, 1), (1, far)], [(size - 1, size - 1), (near, size - 1), (size - 1, near)]]
+    )
+
+
+def _find_weights(size: int, x: np.ndarray, y: np.ndarray, is_lower: np.ndarray) -> np.ndarray:
+    """Return the barycentric coordinates of places in a cell, in the upper left or the lower right triangle."""
+    legs = size - _RIM
+    second = np.where(is_lower, size - 1 - x, x - 1) / legs
+    third = np.where(is_lower, size - 1 - y, y - 1) / legs
+    return np.stack([1.0 - second - third, second, third], axis=-1)
+
+
+def _decode(codes: Int[np.ndarray, " C"]) -> Int[np.ndarray, "C 2"]:
+    """Return column and row on the Z curve."""
+    place = np.zeros((len(codes), 2), dtype=np.int64)
+    for bit in range(16):
+        place[:, 0] |= ((codes >> (2 * bit)) & 1) << bit
+        place[:, 1] |= ((codes >> (2 * bit + 1)) & 1) << bit
+    return place
+
+
+def _find_codes(places: Float[np.ndarray, "F 3"]) -> Int[np.ndarray, " F"]:
+    """Return the place of points along a Z curve in space."""
+    low, extent = places.min(axis=0), float(np.ptp(places, axis=0).max())
+    steps = ((places - low) / max(extent, np.finfo(float).tiny) * (2**_BITS - 1)).astype(np.int64)
+    codes = np.zeros(len(places), dtype=np.int64)
+    for bit in range(_BITS):
+        for axis in range(3):
+            codes |= ((steps[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return codes
+
 
 TEXTURE_FILE = "surface.png"
 _WHITE = 255
@@ -100,3 +274,67 @@ def _find_spacing(cloud: Cloud) -> float:
     probes = cloud.points[:: max(1, cloud.num_points // _PROBES)]
     count = min(_SPACING_NEIGHBOR + 1, cloud.num_points)
     return max(float(np.median(tree.query(probes, k=[count])[0])), 1e-4)
+
+
+LIT_COLOR = (0.8, 0.8, 0.8, 1.0)
+"""Factor on the texture: level ground gets 1.2 times its light from an arena's lamps and the viewer's headlight."""
+
+
+def add_texture(
+    spec: mujoco.MjSpec, geom: mujoco.MjsGeom, texture: SurfaceTexture, use_files: bool = False
+) -> None:
+    """Give a mesh geom a texture by a material of the name of the geom; without gloss, as a scan shows none."""
+    name, image = geom.name, texture.image
+    picture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, nchannel=3)
+    if use_files:
+        picture.file = TEXTURE_FILE
+    else:
+        picture.height, picture.width = image.shape[:2]
+        picture.data = image.tobytes()
+        mesh = spec.mesh(geom.meshname)
+        mesh.usertexcoord = (np.array([0.0, 1.0]) + np.array([1.0, -1.0]) * texture.uv).ravel()
+        mesh.userfacetexcoord = np.arange(texture.uv.size // 2, dtype=np.int32)
+    material = spec.add_material(name=name, specular=0.0, shininess=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    geom.material, geom.rgba = name, LIT_COLOR
+
+
+_MOST = 8192
+"""Largest edge of a picture that is read [pixel]."""
+_HEADER = struct.Struct(">II5B")
+"""Of a PNG: width, height, bits, kind of color, compression, filter, interlacing."""
+_HEADER_AT = 16
+"""Where it stands."""
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_LEVEL = 6
+"""Of the compression."""
+
+
+def to_png(image: UInt8[np.ndarray, "H W 3"]) -> bytes:
+    """Return a picture as the bytes of a PNG."""
+    height, width = image.shape[:2]
+    rows = np.concatenate([np.zeros((height, 1), np.uint8), image.reshape(height, -1)], axis=1)
+    parts = [
+        (b"IHDR", _HEADER.pack(width, height, 8, 2, 0, 0, 0)),
+        (b"IDAT", zlib.compress(rows.tobytes(), _LEVEL)),
+    ]
+    return _SIGNATURE + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+        for name, data in [*parts, (b"IEND", b"")]
+    )
+
+
+def load_png(path: Path) -> UInt8[np.ndarray, "H W 3"]:
+    """Read a picture, by MuJoCo's reader."""
+    try:
+        content = path.read_bytes()
+        width, height, *_ = _HEADER.unpack_from(content, _HEADER_AT)
+        if not content.startswith(_SIGNATURE) or not (0 < width <= _MOST and 0 < height <= _MOST):
+            raise ValueError(f"no PNG of up to {_MOST} x {_MOST} pixels")
+        spec = mujoco.MjSpec()
+        spec.add_texture(name="t", type=mujoco.mjtTexture.mjTEXTURE_2D, nchannel=3, file="t.png")
+        spec.assets = {"t.png": content}
+        model = spec.compile()
+        return np.array(model.tex_data, dtype=np.uint8).reshape(height, width, 3)
+    except (OSError, ValueError, struct.error) as error:
+        raise ArenaError(f"{path}: not a picture ({error}); build the arena again with make_arena") from error

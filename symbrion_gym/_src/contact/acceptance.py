@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from symbrion_gym._src.contact.contact import Contact
+from symbrion_gym._src.contact.kinds import Contact
 
 
 @dataclass(frozen=True)

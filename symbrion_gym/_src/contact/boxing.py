@@ -18,14 +18,15 @@ from jaxtyping import Float
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import (
     STEEP,
+    Rectangle,
     find_halfspaces,
     find_inner_point,
+    find_tight_rectangles,
     find_tops,
     make_solid,
 )
-from reconstruction._src.geometry.hulls import make_hull
 from reconstruction._src.geometry.outlines import find_hull_outline
-from reconstruction._src.geometry.rectangles import Rectangle, find_tight_rectangles
+from reconstruction._src.geometry.rows import make_hull
 from reconstruction._src.geometry.sampling import sample_grid
 from symbrion_gym._src.contact.deadline import never
 from symbrion_gym._src.contact.decomposition import MIN_VOLUME

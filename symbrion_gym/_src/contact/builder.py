@@ -11,17 +11,27 @@ import trimesh
 from jaxtyping import Bool
 
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.base.quantities import format_distance
+from reconstruction._src.base.range_checks import format_distance
 from symbrion_gym._src.contact.acceptance import find_fault, find_miss
-from symbrion_gym._src.contact.contact import Contact
 from symbrion_gym._src.contact.deadline import Deadline
-from symbrion_gym._src.contact.kinds import make_height_field
+from symbrion_gym._src.contact.kinds import Contact, make_height_field
 from symbrion_gym._src.contact.options import ContactOptions
-from symbrion_gym._src.contact.passes.coacd import NoCandidate, decompose_body, decompose_united_slabs
-from symbrion_gym._src.contact.passes.finish import close_seams, fit_boxes, stop_clock
-from symbrion_gym._src.contact.passes.heights import fit_height_field, measure_heights
-from symbrion_gym._src.contact.passes.patches import fit_flat_patches, fit_patches, make_prisms
-from symbrion_gym._src.contact.passes.slabs import fit_slabs
+from symbrion_gym._src.contact.passes.coacd import (
+    NoCandidate,
+    close_seams,
+    decompose_body,
+    decompose_united_slabs,
+    fit_boxes,
+    fit_slabs,
+    stop_clock,
+)
+from symbrion_gym._src.contact.passes.patches import (
+    fit_flat_patches,
+    fit_height_field,
+    fit_patches,
+    make_prisms,
+    measure_heights,
+)
 from symbrion_gym._src.contact.problem import ContactProblem
 from symbrion_gym._src.contact.solid import Shape
 from symbrion_gym._src.errors import ArenaError

@@ -7,8 +7,8 @@ import logging
 import trimesh
 
 from symbrion_gym._src.contact.acceptance import find_miss
-from symbrion_gym._src.contact.contact import Contact
 from symbrion_gym._src.contact.decomposition import decompose
+from symbrion_gym._src.contact.kinds import Contact
 from symbrion_gym._src.contact.problem import ContactProblem
 from symbrion_gym._src.contact.simplification import simplify_surface
 from symbrion_gym._src.errors import ArenaError

@@ -12,14 +12,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
 from jaxtyping import Float
 
 from reconstruction._src.geometry.elevation import Elevation
+from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
 CONTACT_KINDS = ("convex", "primitives", "hfield", "prisms", "mixed")
@@ -95,3 +96,20 @@ def make_height_field(
     if np.isnan(heights).all():
         raise ArenaError("a height field needs ground that is seen from above")
     return HeightField(np.where(np.isnan(heights), np.nanmin(heights), heights), low, high)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact geometry of a surface.
+
+    Attributes:
+        pieces: convex solids.
+        quality: distances from the surface.
+        height_field: in place of pieces, for the kind "hfield".
+        notes: how it came about, for JSON.
+    """
+
+    pieces: list[trimesh.Trimesh]
+    quality: ArenaQuality
+    height_field: HeightField | None = None
+    notes: dict[str, Any] = field(default_factory=dict)

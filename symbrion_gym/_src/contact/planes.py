@@ -23,7 +23,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from symbrion_gym._src.contact.deadline import never
-from symbrion_gym._src.contact.moments import find_moments, fit_planes, measure_deviations, weigh_faces
+from symbrion_gym._src.contact.decomposition import find_moments, fit_planes, measure_deviations, weigh_faces
 from symbrion_gym._src.errors import ArenaError
 
 _LEAST_MASS = 1e-300

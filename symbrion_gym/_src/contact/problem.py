@@ -12,14 +12,14 @@ from jaxtyping import Bool, Float
 
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.geometry.elevation import Elevation
-from symbrion_gym._src.contact.contact import Contact
 from symbrion_gym._src.contact.deadline import Deadline
 from symbrion_gym._src.contact.distances import SurfaceDistance, find_nearest
+from symbrion_gym._src.contact.kinds import Contact
 from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
 from symbrion_gym._src.contact.planes import Planes, find_planes
+from symbrion_gym._src.contact.primitives import find_few_planes
+from symbrion_gym._src.contact.simplification import split_long_edges
 from symbrion_gym._src.contact.solid import Shape, close_holes, find_shape, take_top
-from symbrion_gym._src.contact.subdivision import split_long_edges
-from symbrion_gym._src.contact.terrain_planes import find_few_planes
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
-from jaxtyping import Float
+import trimesh
+from jaxtyping import Float, Int
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from reconstruction._src.base.typed_json import JsonError, as_type
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.rows import find_areas
+from reconstruction._src.geometry.sampling import sample_cells
 from symbrion_gym._src.errors import ArenaError
 
 _DISTANCES = ("mean", "p95", "max", "seconds", "protrusion_mean", "protrusion_p95", "protrusion_max")
@@ -111,3 +118,143 @@ class ArenaQuality:
             num_pieces=num_pieces,
             seconds=seconds,
         )
+
+
+_MAX_RAYS = 400_000
+"""Vertical lines at most: bounds the time and memory that a large terrain takes."""
+_ROUNDING = 1e-6
+"""Keeps a radius of a whole number of cells from becoming one more [cells]."""
+
+
+class TerrainErrorMetric:
+    """Surface error of one set of pieces after another against a terrain, along vertical lines."""
+
+    def __init__(
+        self,
+        surface: trimesh.Trimesh,
+        ground: Elevation,
+        *,
+        region: trimesh.Trimesh | None = None,
+        spacing: float = 0.01,
+        margin: float = 0.02,
+    ) -> None:
+        """Measure the heights of the surface."""
+        low, high = (region or surface).bounds[:, :2]
+        spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
+        grid = sample_cells(low, high, spacing)
+        self._x, self._y = grid[..., 0], grid[..., 1]
+        self._wanted = ground.height(self._x, self._y)
+        self._is_there = np.isfinite(self._wanted)
+        if region is not None:
+            self._is_there &= np.isfinite(Elevation(region).height(self._x, self._y))
+        self._is_open = self._is_there & (_find_relief(self._wanted, margin / spacing) < 2.0 * margin)
+
+    def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
+        """Compare the top of the pieces with the surface."""
+        touched = Elevation(*pieces).height(self._x, self._y)
+        is_touched = np.isfinite(touched)
+        gaps = (touched - self._wanted)[self._is_open & is_touched]
+        uncovered = float(1.0 - is_touched[self._is_there].mean()) if len(gaps) else 1.0
+        return ArenaQuality.of_gaps(gaps, uncovered, len(pieces), seconds)
+
+
+def measure_arena(
+    pieces: list[trimesh.Trimesh],
+    surface: trimesh.Trimesh,
+    *,
+    region: trimesh.Trimesh | None = None,
+    spacing: float = 0.01,
+    margin: float = 0.02,
+    seconds: float = 0.0,
+) -> ArenaQuality:
+    """Compare the top of the pieces with a surface along vertical lines."""
+    metric = TerrainErrorMetric(surface, Elevation(surface), region=region, spacing=spacing, margin=margin)
+    return metric.measure(pieces, seconds)
+
+
+def _find_relief(heights: Float[np.ndarray, "X Y"], radius: float) -> Float[np.ndarray, "X Y"]:
+    """Return the difference of the highest and lowest point within a radius (in cells) on a grid with gaps (NaN)."""
+    reach = max(int(np.ceil(radius - _ROUNDING)), 1)
+    steps = np.arange(-reach, reach + 1)
+    disc = np.hypot(*np.meshgrid(steps, steps)) <= max(radius, 1.0) + _ROUNDING
+    is_gap = np.isnan(heights)
+    highest = maximum_filter(np.where(is_gap, -np.inf, heights), footprint=disc, mode="nearest")
+    lowest = minimum_filter(np.where(is_gap, np.inf, heights), footprint=disc, mode="nearest")
+    return highest - lowest
+
+
+_LEAST_AREA = 1e-12
+"""Triangles with less are no shape [m²]; a ray hits their neighbors."""
+
+
+class RayMesh:
+    """Casts rays on the triangles of meshes, from both sides; the first triangle along a ray counts."""
+
+    def __init__(self, meshes: Sequence[trimesh.Trimesh]) -> None:
+        """Build the tree."""
+        self._middle = np.zeros(3)
+        self._model: mujoco.MjModel | None = None
+        ends = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+        vertices = np.concatenate([np.zeros((0, 3)), *(np.asarray(mesh.vertices) for mesh in meshes)])
+        faces = np.concatenate(
+            [
+                np.zeros((0, 3), dtype=np.int64),
+                *(np.asarray(mesh.faces) + end for mesh, end in zip(meshes, ends[:-1], strict=True)),
+            ]
+        )
+        faces = faces[find_areas(vertices, faces) > _LEAST_AREA]
+        if not len(faces):
+            return
+        used, index = np.unique(faces, return_inverse=True)
+        vertices = vertices[used]
+        self._middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2  # MuJoCo keeps vertices as float32
+        vertices -= self._middle
+        spec = mujoco.MjSpec()
+        spec.add_mesh(
+            name="triangles",
+            uservert=vertices.ravel(),
+            userface=index.astype(np.int32).ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH, meshname="triangles", contype=0, conaffinity=0
+        )
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def cast(
+        self, origins: Float[np.ndarray, "R 3"], directions: Float[np.ndarray, "R 3"]
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the first triangle along each ray [m]; inf where there is none."""
+        distances = np.full(len(origins), np.inf)
+        if self._model is None or not len(origins):
+            return distances
+        if (origins == origins[0]).all():
+            return self.cast_fans(origins[:1], directions, np.array([len(directions)]))
+        places, group = np.unique(origins, axis=0, return_inverse=True)
+        order = np.argsort(group.ravel(), kind="stable")
+        distances[order] = self.cast_fans(places, directions[order], np.bincount(group.ravel()))
+        return distances
+
+    def cast_fans(
+        self,
+        origins: Float[np.ndarray, "F 3"],
+        directions: Float[np.ndarray, "R 3"],
+        counts: Int[np.ndarray, " F"],
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the first triangle along each ray of fans [m]; inf where there is none."""
+        count = len(directions)
+        if self._model is None or not count:
+            return np.full(count, np.inf)
+        distances, geoms = np.empty(count), np.full(count, -1, np.int32)
+        flat, stops = np.ascontiguousarray(directions).ravel(), np.cumsum(counts).tolist()
+        start = 0
+        for place, stop in zip(np.ascontiguousarray(origins - self._middle), stops, strict=True):
+            if stop > start:
+                mujoco.mj_multiRay(
+                    self._model, self._data, place, flat[3 * start : 3 * stop], None, True, -1,
+                    geoms[start:stop], distances[start:stop], None, stop - start, mujoco.mjMAXVAL,
+                )  # fmt: skip
+            start = stop
+        return np.where(geoms < 0, np.inf, distances)

@@ -18,8 +18,7 @@ from scipy.spatial import cKDTree
 from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.contact.inside import find_depths
 from symbrion_gym._src.contact.kinds import HeightField
-from symbrion_gym._src.contact.quality import ArenaQuality
-from symbrion_gym._src.contact.ray_mesh import RayMesh
+from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.errors import ArenaError
 
 _GOLDEN_RATIO = 0.61803398875

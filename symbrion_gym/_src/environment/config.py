@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -13,19 +13,46 @@ from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.assets import NAMED_ARENAS
-from symbrion_gym._src.environment.organism_options import check_organism_options
 from symbrion_gym._src.errors import OptionError, OrganismError
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.robot.sensor_names import DEFAULT_SENSORS, SENSORS
 
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.robot.organism import Organism
-    from symbrion_gym._src.robot.sensor_noise import SensorNoise
+    from symbrion_gym._src.robot.scout_sensors import SensorNoise
     from symbrion_gym._src.tasks.criteria import SuccessCriteria
     from symbrion_gym._src.tasks.features.gap import GapSearch
     from symbrion_gym._src.tasks.recorders import Recorder
     from symbrion_gym._src.tasks.route import Point, RouteMargins, StartName
     from symbrion_gym._src.tasks.task import Task
+
+SCOUT_OPTIONS = ("hinge_torque", "track_speed", "tracks", "friction")
+"""Options that are constants of the modules too."""
+_DEFAULTS = {entry.name: entry.default for entry in fields(ScoutConfig)}
+
+
+def check_organism_options(given: Mapping[str, Any]) -> None:
+    """Refuse options that contradict each other."""
+    if given.get("modules") is not None and given.get("organism") is not None:
+        raise OptionError("the options 'modules' and 'organism' both name the body; give one of them")
+    for body in (given.get("modules"), given.get("organism")):
+        if body is not None and hasattr(body, "scout"):  # an `Organism`, whose module takes long to load
+            wanted = {name: given[name] for name in SCOUT_OPTIONS if given.get(name) is not None}
+            apply_options(cast("Organism", body), wanted)
+
+
+def apply_options(organism: Organism, wanted: Mapping[str, Any]) -> Organism:
+    """Return an organism whose modules have the constants that options name."""
+    scout = organism.scout
+    for name, value in wanted.items():
+        own = getattr(scout, name)
+        if own not in (_DEFAULTS[name], value):
+            raise OptionError(
+                f"{name}={value!r} contradicts {name}={own!r} of the organism's modules; give one of them"
+            )
+    return replace(organism, scout=replace(scout, **wanted)) if wanted else organism
+
 
 STARTS = ("floor", "pit")
 CONTACTS = ("pyramidal", "elliptic")

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.robot.organism_sensors import MEASURED, find_free_sides
-from symbrion_gym._src.robot.sensor_noise import SensorNoise
+from symbrion_gym._src.robot.scout_sensors import SensorNoise
 
 _LARGEST_RATE = 20.0
 """Bound of the hinges' rates [rad/s], beyond what their servos reach."""

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
-from symbrion_gym._src.environment.array_copies import link_views
+from symbrion_gym._src.environment.commands import link_views
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.episodes import Episodes, Start
 from symbrion_gym._src.environment.observation import add_noise

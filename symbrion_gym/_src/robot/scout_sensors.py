@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from math import pi
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
+from reconstruction._src.base.range_checks import check_not_negative
 from reconstruction._src.geometry.pose import PlanarPose, make_quarter_turn, make_quaternion
-from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 
 _ACCELEROMETERS = {"front": (0.03, 0.0, 0.02), "rear": (-0.03, 0.0, 0.02)}
 """Where they sit in the frame of the module [m] (estimate)."""
@@ -66,3 +71,74 @@ def _add_site(
     site = body.add_site(name=name, pos=pos, quat=quat, size=[_SITE_SIZE] * 3, group=_SITE_GROUP)
     site.set_frame(frame)
     return site
+
+
+class ScoutRays(NamedTuple):
+    """Rays of a module's range sensors: the infrared units in the order of the observation, then the laser's beams.
+
+    Attributes:
+        origins: where they begin [m].
+        directions: unit vectors.
+        max_ranges: what is farther is not seen [m].
+    """
+
+    origins: Float[np.ndarray, "R 3"]
+    directions: Float[np.ndarray, "R 3"]
+    max_ranges: Float[np.ndarray, " R"]
+
+
+def find_scout_rays(config: ScoutConfig | None = None) -> ScoutRays:
+    """Return the rays of a lone Scout, `ir` before `laser`, as they stand in its observation."""
+    config = config or ScoutConfig()
+    origins, directions, ranges = [], [], []
+    sides = find_infrared_sides(config)
+    for side in SIDES:
+        x, y, heading = sides[side]
+        ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+        aside = np.array([-ahead[1], ahead[0], 0.0])
+        for offset in (config.ir_spacing / 2, -config.ir_spacing / 2):
+            origins.append(np.array([x, y, 0.0]) + offset * aside)
+            directions.append(ahead)
+            ranges.append(config.ir_range)
+    for angle in np.linspace(*config.laser_angles, config.laser_beams):
+        origins.append(np.array([config.size[0] / 2, 0.0, LASER_HEIGHT]))
+        directions.append(np.array([np.cos(angle), 0.0, np.sin(angle)]))
+        ranges.append(config.laser_range)
+    return ScoutRays(np.array(origins), np.array(directions), np.array(ranges))
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Standard deviation of each part of an observation at noise level 1; the parts not listed have none.
+
+    All are estimates for the real robot: none was measured on it.
+
+    Attributes:
+        hinge_angle: [rad].
+        hinge_rate: [rad/s].
+        pitch: [rad].
+        roll: [rad].
+        acceleration: [m/s²].
+        ir: standard deviation of a distance [m].
+        contact: standard deviation of a force [N].
+        odometry: [m]; the paper's robot was localized within 1 cm.
+        track_odometry: standard deviation of each reading [m]; slip comes from the physics.
+        laser: standard deviation of a distance [m].
+
+    Raises:
+        OptionError: a number is negative.
+    """
+
+    hinge_angle: float = 0.005
+    hinge_rate: float = 0.05
+    pitch: float = 0.01
+    roll: float = 0.01
+    acceleration: float = 0.3
+    ir: float = 0.003
+    contact: float = 0.5
+    odometry: float = 0.01
+    track_odometry: float = 0.01
+    laser: float = 0.006
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, [each.name for each in fields(self)], OptionError)

@@ -20,8 +20,7 @@ from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.robot.organism_sensors import add_sensors
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.robot.tracks import find_road_wheels
-from symbrion_gym._src.sensing.friction_robot import FrictionRobot
-from symbrion_gym._src.sensing.slip_sensors import SlipSensors, Tick
+from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipSensors, Tick
 
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena

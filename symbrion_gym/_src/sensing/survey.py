@@ -19,11 +19,10 @@ from reconstruction._src.geometry.pose import make_pose
 from reconstruction._src.scans.localization import localize
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from symbrion_gym._src.errors import ArenaError, SurveyError
-from symbrion_gym._src.sensing.camera import CameraConfig
+from symbrion_gym._src.sensing.camera import CameraConfig, color_readings, take_arena, take_course
 from symbrion_gym._src.sensing.friction_drive import drive_lanes, find_friction_robot
 from symbrion_gym._src.sensing.friction_robot import FrictionRobot
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner
-from symbrion_gym._src.sensing.survey_camera import color_readings, take_arena, take_course
 from symbrion_gym._src.sensing.survey_robot import SurveyRobot
 from symbrion_gym._src.sensing.survey_world import SurveyRoom, SurveyWorld
 

@@ -12,14 +12,13 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.scout_constants import SIDES
-from symbrion_gym._src.robot.sensor_noise import SensorNoise
+from symbrion_gym._src.robot.scout_sensors import SensorNoise
 from symbrion_gym._src.swarm.docks import find_groups
-from symbrion_gym._src.swarm.fidelity import make_world
-from symbrion_gym._src.swarm.options import SwarmOptions
+from symbrion_gym._src.swarm.options import SwarmOptions, make_world
+from symbrion_gym._src.swarm.placing import find_across, find_field, scatter
 from symbrion_gym._src.swarm.senses import Senses
-from symbrion_gym._src.swarm.signals.config import SignalConfig
+from symbrion_gym._src.swarm.signals.infrared import SignalConfig
 from symbrion_gym._src.swarm.signals.signals import Receptions, Signals, Transmissions
-from symbrion_gym._src.swarm.starts import find_across, find_field, scatter
 from symbrion_gym._src.swarm.world import DECISION, SwarmCommands
 
 if TYPE_CHECKING:

@@ -14,14 +14,18 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.swarm.docks import DockConfig, find_matches, sort_links
 from symbrion_gym._src.swarm.dynamic.assembly import Assembler
-from symbrion_gym._src.swarm.dynamic.mating import Mating
 from symbrion_gym._src.swarm.dynamic.motion import Motion
-from symbrion_gym._src.swarm.dynamic.transfer import read_motion
+from symbrion_gym._src.swarm.dynamic.transfer import Mating, read_motion
 from symbrion_gym._src.swarm.dynamic.world import DynamicConfig, DynamicWorld
-from symbrion_gym._src.swarm.kinematic.collisions import find_outlines, find_overlaps, find_pairs, take
 from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym._src.swarm.kinematic.rotations import find_headings
+from symbrion_gym._src.swarm.kinematic.motion import (
+    find_headings,
+    find_outlines,
+    find_overlaps,
+    find_pairs,
+    take,
+)
 from symbrion_gym._src.swarm.world import DECISION, SwarmCommands, SwarmState
 
 if TYPE_CHECKING:

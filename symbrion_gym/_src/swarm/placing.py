@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.tasks.route import Route, find_route
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
+
+    from symbrion_gym._src.arenas.arena import Arena
+    from symbrion_gym._src.robot.scout_constants import ScoutConfig
+    from symbrion_gym._src.swarm.world import SwarmState
 
 LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
@@ -89,3 +100,81 @@ def _check_steepness(poses: Float[np.ndarray, "N 3"], normal: Float[np.ndarray, 
             f"the ground of {arena.name!r} below robot {robot} is {np.rad2deg(steep[robot]):.0f} degrees steep; "
             f"{np.rad2deg(STEEPEST):.0f} are possible"
         )
+
+
+SPACING = 0.25
+"""Least distance of two robots at the start [m]: both can turn on the spot."""
+RIM = 0.2
+"""Least distance from the sides of the way, and from its beginning [m]."""
+UPRIGHT = 0.5
+"""z of the up axis of a robot that is upright, as the task of the snake has it."""
+_MOST_TRIES = 10_000
+
+
+class Field(NamedTuple):
+    """Where a swarm starts and where it is to get.
+
+    Attributes:
+        route: the way across the gap, as found for a snake of 8 Scouts.
+        low: least s of a start [m].
+        high: largest s of a start [m].
+        half_width: largest distance of a start from the middle of the way [m].
+    """
+
+    route: Route
+    low: float
+    high: float
+    half_width: float
+
+    @property
+    def far_edge(self) -> float:
+        """s beyond the gap [m]."""
+        return self.route.pit[1] if self.route.pit else self.route.finish
+
+    def find_way(self, position: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+        """Return s of places [m]."""
+        return position[:, :2] @ np.array(self.route.direction)
+
+
+def find_field(arena: Arena, length: int = 8) -> Field:
+    """Return the ground before the gap of an arena, as the task of a snake finds it on the surface."""
+    body = snake(length)
+    route = find_route(arena, body, "floor")
+    if route.pit is None:
+        raise ArenaError(
+            f"arena {arena.name!r} has no pit; a swarm needs one to cross: take 'gsrm' or 'truth'"
+        )
+    x, y = arena.surface.vertices[:, 0], arena.surface.vertices[:, 1]
+    s = x * route.direction[0] + y * route.direction[1]
+    begin = max(float(s.min()), route.start - (length - 1) * body.scout.pitch - 0.8)
+    return Field(route, begin + RIM, route.start, route.half_width - RIM)
+
+
+def scatter(
+    field: Field, num_robots: int, arena: Arena, rng: np.random.Generator
+) -> Float[np.ndarray, "N 3"]:
+    """Return x [m], y [m] and heading [rad] of robots on the ground before the gap, on level ground."""
+    poses: list[tuple[float, float, float]] = []
+    for _ in range(_MOST_TRIES):
+        if len(poses) == num_robots:
+            return np.array(poses)
+        s, left = rng.uniform(field.low, field.high), rng.uniform(-field.half_width, field.half_width)
+        heading = rng.uniform(-np.pi, np.pi)
+        x, y = (float(value) for value in field.route.place(s, left))
+        is_far = all(np.hypot(x - other[0], y - other[1]) > SPACING for other in poses)
+        if is_far and np.isfinite(np.asarray(arena.height(x, y))).all():
+            poses.append((x, y, heading))
+    raise ArenaError(
+        f"there is room for {len(poses)} robots {SPACING} m apart before the pit of {arena.name!r}, not for "
+        f"{num_robots}; take fewer"
+    )
+
+
+def find_across(state: SwarmState, field: Field, scout: ScoutConfig) -> Bool[np.ndarray, " N"]:
+    """Return which robots are beyond the gap with their whole chassis, upright, undocked and on the ground."""
+    joined = np.zeros(len(state.position), bool)
+    for link in state.links:
+        joined[[link.first, link.second]] = True
+    is_beyond = field.find_way(state.position) - np.hypot(*scout.size[:2]) / 2 > field.far_edge
+    is_up = state.rotation[:, 2, 2] > UPRIGHT
+    return is_beyond & is_up & ~joined

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symbrion_gym._src.contact.ray_mesh import RayMesh
+from symbrion_gym._src.contact.quality import RayMesh
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int

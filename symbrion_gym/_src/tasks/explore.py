@@ -13,13 +13,13 @@ from reconstruction._src.base.range_checks import check_positive
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError, TaskError
 from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.tasks.goals import find_honest, find_standing
 from symbrion_gym._src.tasks.paths import find_ground_map, find_path
 from symbrion_gym._src.tasks.route import Point, Route, StartName
-from symbrion_gym._src.tasks.standing import find_honest, find_standing
 from symbrion_gym._src.tasks.starts import Start
 from symbrion_gym._src.tasks.state import TaskState
 from symbrion_gym._src.tasks.task import Task
-from symbrion_gym._src.tasks.usual_terms import UsualTerms
+from symbrion_gym._src.tasks.traverse import UsualTerms
 
 _SIGHT = 4.0
 """Modules see as far as this many of their lengths."""

@@ -13,9 +13,9 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.placed_objects import PlacedObject, find_object
 from symbrion_gym._src.errors import ArenaError, TaskError
 from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.tasks.goals import find_honest, find_size, find_standing
 from symbrion_gym._src.tasks.paths import MAX_CORNERS, PathRoute, find_path
 from symbrion_gym._src.tasks.reach import ReachPlaces
-from symbrion_gym._src.tasks.standing import find_honest, find_size, find_standing
 from symbrion_gym._src.tasks.starts import Start
 from symbrion_gym._src.tasks.state import TaskState
 

@@ -13,9 +13,9 @@ from reconstruction._src.base.range_checks import check_positive
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.tasks.goals import find_honest, find_size, find_standing
 from symbrion_gym._src.tasks.paths import MAX_CORNERS, PathRoute, find_path
 from symbrion_gym._src.tasks.route import Point, Route
-from symbrion_gym._src.tasks.standing import find_honest, find_size, find_standing
 from symbrion_gym._src.tasks.starts import Start
 from symbrion_gym._src.tasks.state import TaskState
 

@@ -1,7 +1,7 @@
 """The second judge of every task: is a recorded success one, and honest? It shares the definition with the first alone.
 
 It sees generalized coordinates, the surface, and where the task says that the body should be. Where every module was,
-it works out by itself (`symbrion_gym._src.tasks.placing`), and it looks for the traces of a cheat as `audit` does.
+it works out by itself (`symbrion_gym._src.tasks.starts`), and it looks for the traces of a cheat as `audit` does.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from symbrion_gym._src.tasks.audit import (
     find_bad_hinges,
     find_bad_motion,
     find_bad_pace,
+    find_not_docked,
+    find_not_faced,
     find_overlaps,
     find_progress,
     find_unsteady_end,
 )
 from symbrion_gym._src.tasks.explore import AreaRoute, SeeGround
 from symbrion_gym._src.tasks.goals import PassFinish
-from symbrion_gym._src.tasks.object_judge import find_not_docked, find_not_faced
 from symbrion_gym._src.tasks.objects import DockAtObject, ReachObject
 from symbrion_gym._src.tasks.paths import PathRoute
-from symbrion_gym._src.tasks.placing import place_tree
 from symbrion_gym._src.tasks.reach import ReachPlaces
-from symbrion_gym._src.tasks.recover import StandUp
 from symbrion_gym._src.tasks.scene import Scene
+from symbrion_gym._src.tasks.starts import place_tree
 from symbrion_gym._src.tasks.task import Task
+from symbrion_gym._src.tasks.traverse import StandUp
 
 _CELL = 0.75
 """A body that looks at the ground from the middle of cells may be this many cells off."""

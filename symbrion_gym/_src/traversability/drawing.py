@@ -8,7 +8,7 @@ import numpy as np
 
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.base.quantities import format_count
+from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.routes import DrivingRoute
 

@@ -10,8 +10,7 @@ from mujoco.batch import Batch
 from symbrion_gym._src.environment.models import LayoutError, SharedModel
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.warp.batch import WarpBatch
-from symbrion_gym._src.warp.model_fields import WarpModel
+from symbrion_gym._src.warp.batch import WarpBatch, WarpModel
 from symbrion_gym._src.warp.requirements import import_warp
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evolution._src.backends.tile_jobs import run_in_cluster
+from evolution._src.backends.cluster import run_in_cluster
 from evolution._src.errors import RunError
 from reconstruction._src.tiles.tile import reconstruct_tile
 from reconstruction._src.tiles.workers import run_here

@@ -7,8 +7,8 @@ import pytest
 import toys
 
 import reconstruction._src.base.extras
-from evolution._src.backends import making, rollout
-from evolution._src.backends.making import make_backend
+from evolution._src.backends import cluster, rollout
+from evolution._src.backends.cluster import make_backend
 from evolution._src.body_search.config import BodyEvolutionConfig
 from evolution._src.errors import RunError
 from evolution._src.search import loop
@@ -26,7 +26,7 @@ CONFIG = EvolutionConfig(arena="truth", generations=3, backend="warp", stop_when
 def engines(monkeypatch):
     """Toys in place of both engines, as if the extra were installed."""
     device, exact = toys.Observed(), toys.Observed()
-    monkeypatch.setattr(making, "require_extras", lambda *_: None)
+    monkeypatch.setattr(cluster, "require_extras", lambda *_: None)
     monkeypatch.setattr(loop, "prepare", lambda *_: None)
     monkeypatch.setattr(rollout, "simulate_on_device", device)
     monkeypatch.setattr(rollout, "simulate", exact)

@@ -4,8 +4,7 @@ import itertools
 
 import pytest
 
-from evolution._src.bodies.enumeration import enumerate_bodies
-from evolution._src.bodies.genome import is_possible, parse_genome
+from evolution._src.bodies.genome import enumerate_bodies, is_possible, parse_genome
 from evolution._src.errors import RunError
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Docking, Organism

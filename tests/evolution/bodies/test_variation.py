@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from evolution._src.bodies.enumeration import enumerate_bodies
-from evolution._src.bodies.genome import BodyGenome, is_possible, parse_genome
+from evolution._src.bodies.genome import BodyGenome, enumerate_bodies, is_possible, parse_genome
 from evolution._src.bodies.variation import OPERATORS, BodyLimits, cross_over, make_random_body, mutate
 from evolution._src.errors import RunError
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution._src.backends.trials import Job, Outcome
-from evolution._src.bodies.enumeration import enumerate_bodies
-from evolution._src.bodies.genome import genome_of, parse_genome
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Job
+from evolution._src.bodies.genome import enumerate_bodies, genome_of, parse_genome
 from evolution._src.body_search.config import ALGORITHMS, BodiesConfig, BodyEvolutionConfig
 from evolution._src.body_search.learning import Learning, LearningConfig, Pupil, inherit
 from evolution._src.body_search.loop import evolve_bodies, load_bodies, resume_bodies

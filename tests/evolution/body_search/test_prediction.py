@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from evolution._src.bodies.enumeration import enumerate_bodies
-from evolution._src.bodies.genome import parse_genome
+from evolution._src.bodies.genome import enumerate_bodies, parse_genome
 from evolution._src.body_search.algorithms import SurrogateSearch
 from evolution._src.body_search.config import BodiesConfig
 from evolution._src.body_search.learning import LearningConfig, Lesson, Pupil

@@ -7,8 +7,8 @@ import pytest
 
 import evolution as ev
 from evolution._src.backends.outcome import Outcome
+from evolution._src.body_search.algorithms import describe_success
 from evolution._src.body_search.confirmation import CONFIRMATION
-from evolution._src.body_search.description import describe_success
 from evolution._src.cli.main import run
 
 SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--generations", "1"]

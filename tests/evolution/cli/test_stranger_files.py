@@ -11,10 +11,10 @@ from evil_json import DEEP, find_trouble, mutate
 
 from evolution._src.backends.trials import Randomization, Scoring
 from evolution._src.errors import RunError
+from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run, resume
 from evolution._src.search.run import RunFolder, load_champion
-from evolution._src.search.stages import Stage
 from evolution._src.search.validation import Validation
 
 CONFIG = EvolutionConfig(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evolution._src.controllers.drive import count_tracks, find_bearing, make_drive
+from evolution._src.controllers.joints import count_tracks, find_bearing, make_drive
 from evolution._src.errors import RunError
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
 

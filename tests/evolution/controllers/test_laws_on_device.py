@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from evolution._src.controllers.controller import CONTROLLERS, make_law
-from evolution._src.controllers.namespaces import add_to_column, find_namespace
-from symbrion_gym._src.environment.arena_and_organism import find_organism
+from evolution._src.controllers.joints import add_to_column, find_namespace
 from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.world import find_organism
 
 NUM = 5
 

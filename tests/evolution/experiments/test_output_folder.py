@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from evolution._src.errors import RunError
-from evolution._src.experiments.output_folder import refuse_foreign_files
+from evolution._src.experiments.demo import refuse_foreign_files
 
 
 def test_its_own_folder_and_a_fresh_one_pass(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from PIL import Image
 
 from evolution import report
 from evolution._src.cli.main import run
-from evolution._src.report.pictures import encode_png
+from evolution._src.report.figures import encode_png
 from symbrion_gym._src.arenas.course import Course
 
 pytestmark = pytest.mark.slow

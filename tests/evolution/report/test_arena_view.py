@@ -8,11 +8,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import symbrion_gym as sg
-from evolution._src.report.arena_view import draw_arena, mute
-from evolution._src.report.pictures import to_png
-from evolution._src.report.raster import make_view
-from evolution._src.report.robot_view import ROBOT_COLOR, add_scale
-from evolution._src.report.shading import OVERSAMPLING
+from evolution._src.report.arena_view import ROBOT_COLOR, add_scale, draw_arena, mute
+from evolution._src.report.figures import to_png
+from evolution._src.report.raster import OVERSAMPLING, make_view
 
 
 @pytest.fixture(scope="module")

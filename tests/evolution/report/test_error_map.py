@@ -9,7 +9,7 @@ from PIL import Image
 
 import symbrion_gym as sg
 from evolution._src.report.error_map import describe_quality, draw_error_map
-from evolution._src.report.pictures import to_png
+from evolution._src.report.figures import to_png
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from evolution import report
-from evolution._src.report.pictures import DPI, encode_png, find_width
+from evolution._src.report.figures import DPI, encode_png, find_width
 from symbrion_gym._src.arenas.course import Course
 
 

@@ -10,10 +10,9 @@ from histories import TOY
 from evolution._src.backends.trials import RolloutConfig
 from evolution._src.controllers.controller import ControllerConfig
 from evolution._src.errors import RunError
-from evolution._src.search.cmaes import CmaesConfig
+from evolution._src.search.cmaes import CmaesConfig, Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve
-from evolution._src.search.stages import Stage
 from evolution._src.search.validation import Champion, Validation
 
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evolution._src.backends.descriptors import RECORDERS, StoredDescriptors, check_descriptors
 from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.scoring import RECORDERS, StoredDescriptors, check_descriptors
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.evaluation import evaluate
 from evolution._src.search.loop import evolve, load_run, resume
-from evolution._src.search.record_descriptors import pack, unpack
+from evolution._src.search.record import pack, unpack
 
 SHORT = {"modules": 3, "duration": 1.0}
 CONFIG = EvolutionConfig(

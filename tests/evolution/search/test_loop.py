@@ -8,12 +8,13 @@ import pytest
 import toys
 from histories import TOY, read_without_times, without_times
 
-from evolution._src.backends.trials import Outcome, Randomization, Scoring
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Randomization, Scoring
 from evolution._src.controllers.controller import NUM_KNOTS
+from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run
 from evolution._src.search.record import REEVALUATION, SAMPLE, VALIDATION
-from evolution._src.search.stages import Stage
 from evolution._src.search.validation import Validation, find_candidates
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)

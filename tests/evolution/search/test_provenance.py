@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from evolution._src.search.provenance import find_revision
+from evolution._src.search.stored_config import find_revision
 
 ROOT = Path(__file__).parents[3]
 

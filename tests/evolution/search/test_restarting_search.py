@@ -9,10 +9,10 @@ from histories import TOY, find_samples, without_times
 
 from evolution._src.controllers.controller import REACTIVE_HINT
 from evolution._src.errors import RunError
+from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, resume
 from evolution._src.search.record import SAMPLE, VALIDATION
-from evolution._src.search.stages import Stage
 
 
 def test_a_search_may_begin_from_zero():

@@ -14,11 +14,11 @@ import toys
 from histories import TOY, read_without_times, without_times
 
 from evolution._src.errors import RunError
+from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run, resume
 from evolution._src.search.record import HISTORY, REEVALUATION, TIMES, VALIDATION, Record
 from evolution._src.search.run import Run
-from evolution._src.search.stages import Stage
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 

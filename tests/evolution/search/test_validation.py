@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import toys
 
-from evolution._src.backends.trials import Outcome
+from evolution._src.backends.outcome import Outcome
 from evolution._src.errors import RunError
+from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve
 from evolution._src.search.record import HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
-from evolution._src.search.stages import Stage
 from evolution._src.search.validation import Champion, Validation, find_candidates, select_champion
 
 

@@ -11,14 +11,20 @@ from evolution._src.backends.outcome import Outcome
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.commands.bench_suite import BenchSuite
 from evolution._src.errors import RunError
+from evolution._src.suite import running
 from evolution._src.suite import submission as submission_module
 from evolution._src.suite import tasks as tasks_module
-from evolution._src.suite import verification
 from evolution._src.suite.leaderboard import SHARED, count_wins, find_overview, make_page, rank
-from evolution._src.suite.places import GAP, find_published_arena, make_true_arena
 from evolution._src.suite.running import run_suite
 from evolution._src.suite.submission import Score, Submission, load_submission
-from evolution._src.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
+from evolution._src.suite.tasks import (
+    EXAM_TRIALS,
+    GAP,
+    SUITE,
+    find_published_arena,
+    find_suite_task,
+    make_true_arena,
+)
 from symbrion_gym._src.arenas.arena import Arena
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
@@ -82,7 +88,7 @@ def test_a_submission_is_read_as_written_and_verified(tmp_path):
     found.save(tmp_path / "a.json")
     read = load_submission(tmp_path / "a.json")
     assert read.entries == found.entries
-    assert all(check.holds for check in verification.verify(read))
+    assert all(check.holds for check in running.verify(read))
 
 
 def test_a_score_that_was_raised_is_found_out(tmp_path):
@@ -90,12 +96,12 @@ def test_a_score_that_was_raised_is_found_out(tmp_path):
     entry = found.entries[0]
     raised = replace(entry, truth=Score(entry.truth.fitness + 0.01, entry.truth.successes))
     more = replace(entry, scan=Score(entry.scan.fitness, (entry.scan.successes + 1) % EXAM_TRIALS))
-    checks = verification.verify(Submission("raised", (entry, raised, more)))
+    checks = running.verify(Submission("raised", (entry, raised, more)))
     assert [check.holds for check in checks] == [True, False, False]
     both = Submission("both", (entry, run("zero", tasks=(FREE,)).entries[0]))
-    assert [check.entry.task for check in verification.verify(both, tasks=(FREE,))] == [FREE]
+    assert [check.entry.task for check in running.verify(both, tasks=(FREE,))] == [FREE]
     with pytest.raises(RunError, match="no task 'moon'"):
-        verification.verify(both, tasks=("moon",))
+        running.verify(both, tasks=("moon",))
     Submission("raised", (raised,)).save(tmp_path / "raised.json")
     from evolution._src.cli.console import Console
 

@@ -5,8 +5,7 @@ import pytest
 from shapes import make_floor
 from shapes import read_floor as read
 
-from reconstruction._src.changes.absence import find_gone, find_read
-from reconstruction._src.changes.detection import detect_changes
+from reconstruction._src.changes.detection import detect_changes, find_gone, find_read
 
 SIDE = 21
 SPACING = 0.1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reconstruction._src.changes.neighborhoods import number_parts, widen
+from reconstruction._src.changes.free_space import number_parts, widen
 
 SIDE = 6
 

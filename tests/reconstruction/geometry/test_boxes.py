@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reconstruction._src.geometry.boxes import find_inside, find_near_box
+from reconstruction._src.geometry.rows import find_inside, find_near_box
 
 
 def test_the_box_contains_its_sides_and_nothing_beyond():

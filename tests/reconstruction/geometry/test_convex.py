@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction._src.geometry.halfspaces import make_prism, make_solid
-from reconstruction._src.geometry.hulls import make_hull
+from reconstruction._src.geometry.halfspaces import (
+    find_box,
+    find_smallest_rectangle,
+    find_tight_rectangles,
+    make_prism,
+    make_solid,
+)
 from reconstruction._src.geometry.outlines import (
     cut_outline,
     find_bounds,
@@ -14,7 +19,7 @@ from reconstruction._src.geometry.outlines import (
     is_within,
     measure_area,
 )
-from reconstruction._src.geometry.rectangles import find_box, find_smallest_rectangle, find_tight_rectangles
+from reconstruction._src.geometry.rows import make_hull
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 

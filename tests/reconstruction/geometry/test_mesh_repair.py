@@ -6,8 +6,7 @@ import trimesh
 from scipy.spatial import Delaunay
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.decimation import simplify
-from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
+from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh, simplify
 
 
 @pytest.fixture(scope="module")

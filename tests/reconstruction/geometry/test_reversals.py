@@ -2,8 +2,11 @@
 
 import numpy as np
 
-from reconstruction._src.geometry.orientation import find_components, orient_to_viewpoints
-from reconstruction._src.geometry.reversals import turn_reversed_parts
+from reconstruction._src.geometry.orientation import (
+    find_components,
+    orient_to_viewpoints,
+    turn_reversed_parts,
+)
 from reconstruction._src.surfaces.quality import count_topology
 
 

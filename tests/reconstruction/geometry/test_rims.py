@@ -6,7 +6,7 @@ import trimesh
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
-from reconstruction._src.geometry.rims import RimConfig, drop_rim_slivers
+from reconstruction._src.geometry.outlines import RimConfig, drop_rim_slivers
 
 ACROSS, ALONG = 11, 6
 

@@ -4,8 +4,12 @@ import numpy as np
 import trimesh
 
 from reconstruction._src.geometry.orientation import orient_to_viewpoints
-from reconstruction._src.geometry.sampling import sample_area
-from reconstruction._src.geometry.visibility import choose_viewpoints, find_seen_sides, find_visible
+from reconstruction._src.geometry.sampling import (
+    choose_viewpoints,
+    find_seen_sides,
+    find_visible,
+    sample_area,
+)
 
 
 def make_box(size: float = 4.0) -> tuple[np.ndarray, np.ndarray]:

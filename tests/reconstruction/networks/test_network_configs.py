@@ -8,8 +8,8 @@ import pytest
 from shapes import make_sheet
 
 from reconstruction import GrowingGridConfig, GSRMConfig, Reconstruction, ReconstructionError, reconstruct
-from reconstruction._src.networks.growing_grid.cover import CoverConfig
-from reconstruction._src.networks.gsrm.topology_config import TopologyConfig
+from reconstruction._src.networks.growing_grid.mesh import CoverConfig
+from reconstruction._src.networks.gsrm.support import TopologyConfig
 from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.networks.som.density import DensityConfig

@@ -6,13 +6,10 @@ import trimesh
 
 from benchmarks.material.known_objects import make_socket
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.objects.alignment import align
 from reconstruction._src.objects.background import find_background, find_planes, measure_noise
-from reconstruction._src.objects.config import ObjectsConfig
-from reconstruction._src.objects.model import make_model
-from reconstruction._src.objects.rays import Beams, cast
-from reconstruction._src.objects.symmetry import find_angle, make_turn
-from reconstruction._src.objects.verification import verify_by_beams, verify_by_distance
+from reconstruction._src.objects.matching import align
+from reconstruction._src.objects.model import ObjectsConfig, find_angle, make_model, make_turn
+from reconstruction._src.objects.verification import Beams, cast, verify_by_beams, verify_by_distance
 from reconstruction._src.scans.cloud import Cloud
 
 NOISE = 0.003

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from reconstruction._src.objects.model import make_model
-from reconstruction._src.objects.rays import BeamIndex, Beams, cast
+from reconstruction._src.objects.verification import BeamIndex, Beams, cast
 from reconstruction._src.scans.cloud import Cloud
 
 

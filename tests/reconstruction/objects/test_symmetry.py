@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from benchmarks.material.known_objects import make_box, make_socket, make_station
-from reconstruction._src.objects.symmetry import choose_equivalent, find_angle, find_symmetries, make_turn
+from reconstruction._src.objects.model import choose_equivalent, find_angle, find_symmetries, make_turn
 
 Z = np.array([0.0, 0.0, 1.0])
 

@@ -10,8 +10,8 @@ import pytest
 import reconstruction as rc
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans.cloud_file import load_cloud, make_log_cloud, recenter
-from reconstruction._src.scans.cloud_preprocess import preprocess_cloud
-from reconstruction._src.scans.raw_points import as_colors
+from reconstruction._src.scans.point_rows import as_colors
+from reconstruction._src.scans.preprocess import preprocess_cloud
 from reconstruction._src.scans.scan import ScanLog
 
 POINTS = np.array([[0.0, 0.25, 0.5], [1.0, 2.0, -3.0], [4.0, 5.5, 6.0], [-1.5, 0.125, 2.0], [8.0, 1.0, 0.75]])

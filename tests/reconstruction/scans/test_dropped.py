@@ -3,8 +3,7 @@
 import numpy as np
 
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.dropped import find_dropped, measure_dropped
-from reconstruction._src.scans.preprocess import preprocess
+from reconstruction._src.scans.preprocess import find_dropped, measure_dropped, preprocess
 
 
 def make_walls(seed: int = 0) -> np.ndarray:

@@ -12,7 +12,7 @@ from reconstruction._src.scans.frames import (
     find_offset,
     make_frame,
 )
-from reconstruction._src.scans.raw_points import RawPoints
+from reconstruction._src.scans.point_rows import RawPoints
 
 POINTS = np.array([[1.0, 2.0, 3.0], [-4.0, 5.0, -6.0]])
 AXES = {name: np.eye(3)["xyz".index(name[-1])] * (-1 if name[0] == "-" else 1) for name in UP_AXES}

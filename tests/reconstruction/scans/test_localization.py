@@ -14,10 +14,9 @@ from reconstruction._src.scans.localization import (
     match_scans,
     measure_localization,
 )
-from reconstruction._src.scans.noise_priors import NoisePriors
-from reconstruction._src.scans.odometry import OdometryConfig
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
-from reconstruction._src.scans.scan_matching import ScanMatchingConfig
+from reconstruction._src.scans.scan_matching import OdometryConfig, ScanMatchingConfig
+from reconstruction._src.scans.smoothing import NoisePriors
 
 ANGLES = np.radians(np.linspace(-90, 90, 181))
 WALLS = np.array(  # a room with two niches, x0 y0 x1 y1

@@ -5,14 +5,14 @@ import pytest
 
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans.leveling import LevelingConfig, use_priors
-from reconstruction._src.scans.noise_priors import (
+from reconstruction._src.scans.scan_matching import OdometryConfig, fuse_odometry
+from reconstruction._src.scans.smoothing import (
     UNKNOWN_SHAKE,
     UNKNOWN_SLIP,
     NoisePriors,
     estimate_shake,
     estimate_slip,
 )
-from reconstruction._src.scans.odometry import OdometryConfig, fuse_odometry
 
 
 @pytest.mark.parametrize("slip", [0.0025, 0.005, 0.01])

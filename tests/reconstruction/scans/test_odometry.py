@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reconstruction._src.scans.odometry import OdometryConfig, fuse_odometry
+from reconstruction._src.scans.scan_matching import OdometryConfig, fuse_odometry
 
 
 def make_track(num_scans: int = 200) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.reconstruct import reconstruct
-from reconstruction._src.scans.rays import read_rays
+from reconstruction._src.scans.preprocess import read_rays
 from reconstruction._src.scans.scan import ScanLog
 
 HEIGHT = 1.5

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from reconstruction._src.base.errors import ReconstructionError, ScanError
-from reconstruction._src.slip.drags import FrictionReadings, find_friction
-from reconstruction._src.slip.joining import join_slip, read_slip_arrays
+from reconstruction._src.slip.drags import FrictionReadings, find_friction, join_slip, read_slip_arrays
 from reconstruction._src.slip.patches import FrictionPatchConfig, find_friction_patches
-from reconstruction._src.slip.segments import find_segments
+from reconstruction._src.slip.readings import find_segments
 from tests.reconstruction.slip.made_slip import make_slip
 
 

@@ -5,8 +5,7 @@ import pytest
 import trimesh
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.surfaces.color import add_alpha
-from reconstruction._src.surfaces.color_error import measure_color_error
+from reconstruction._src.surfaces.color import add_alpha, measure_color_error
 
 
 def make_colored(value: int) -> trimesh.Trimesh:

@@ -6,9 +6,13 @@ import pytest
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.tiles import point_stream
-from reconstruction._src.tiles.buckets import fill_buckets, name_bucket, read_bucket
-from reconstruction._src.tiles.config import TilesConfig
-from reconstruction._src.tiles.point_stream import open_points
+from reconstruction._src.tiles.point_stream import (
+    TilesConfig,
+    fill_buckets,
+    name_bucket,
+    open_points,
+    read_bucket,
+)
 
 CONFIG = TilesConfig(tile=10.0, halo=1.0)
 FAR = np.array([5.4e6, 4.5e5, 300.0])

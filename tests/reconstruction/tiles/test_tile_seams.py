@@ -5,7 +5,7 @@ import pytest
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.tiles.config import TilesConfig
+from reconstruction._src.tiles.point_stream import TilesConfig
 from reconstruction._src.tiles.seams import Surface, clip, join_tile
 
 CONFIG = TilesConfig(tile=10.0, halo=2.0)

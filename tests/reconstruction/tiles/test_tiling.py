@@ -9,8 +9,8 @@ import pytest
 from benchmarks.large_scans import measure_surface
 from benchmarks.material.landscape import make_landscape, sample_scan, write_scan
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.tiles.config import TilesConfig
 from reconstruction._src.tiles.folder import INDEX, TiledSurface
+from reconstruction._src.tiles.point_stream import TilesConfig
 from reconstruction._src.tiles.tile import choose_units, reconstruct_tile
 from reconstruction._src.tiles.tiling import reconstruct_tiles
 from reconstruction._src.tiles.workers import run_here, run_in_processes

@@ -15,15 +15,14 @@ from hypothesis import strategies as st
 from scanned_surface import cut_irregular, make_scanned_surface
 
 import reconstruction as rc
-from reconstruction._src.geometry.rectangles import find_box
+from reconstruction._src.geometry.halfspaces import find_box
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
 from symbrion_gym._src.contact.deadline import Deadline
-from symbrion_gym._src.contact.quality import ArenaQuality
-from symbrion_gym._src.contact.surface_error import measure_arena
+from symbrion_gym._src.contact.quality import ArenaQuality, measure_arena
 from symbrion_gym._src.errors import ArenaError
 
 UNHURRIED = 1e5

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reconstruction._src.geometry.rectangles import find_box
+from reconstruction._src.geometry.halfspaces import find_box
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.loading import load_arena

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction._src.surfaces.primitives.config import PrimitivesConfig
 from reconstruction._src.surfaces.primitives.find import Primitives
-from reconstruction._src.surfaces.primitives.primitive import Primitive
-from symbrion_gym._src.arenas.beam_cost import find_beam_cost, pays
+from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
+from symbrion_gym._src.arenas.primitives import find_beam_cost, pays
 
 NONE = Primitives([], 0.004, PrimitivesConfig())
 

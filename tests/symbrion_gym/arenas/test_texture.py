@@ -9,10 +9,17 @@ import trimesh
 
 import symbrion_gym as sg
 from reconstruction._src.scans.cloud import Cloud
-from symbrion_gym._src.arenas.png import load_png, to_png
 from symbrion_gym._src.arenas.stretch import stretch_arena
-from symbrion_gym._src.arenas.texture import SurfaceTexture, make_texture, paint_texture
-from symbrion_gym._src.arenas.texture_atlas import AtlasConfig, iterate_texels, make_atlas
+from symbrion_gym._src.arenas.texture import (
+    AtlasConfig,
+    SurfaceTexture,
+    iterate_texels,
+    load_png,
+    make_atlas,
+    make_texture,
+    paint_texture,
+    to_png,
+)
 from symbrion_gym._src.errors import ArenaError
 
 

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from symbrion_gym._src.contact.acceptance import find_fault, find_miss
-from symbrion_gym._src.contact.contact import Contact
-from symbrion_gym._src.contact.default_accuracy import find_accuracy
+from symbrion_gym._src.contact.kinds import Contact
+from symbrion_gym._src.contact.options import find_accuracy
 from symbrion_gym._src.contact.quality import ArenaQuality
 
 BOX = trimesh.creation.box()

@@ -6,8 +6,7 @@ import trimesh
 
 from symbrion_gym._src.contact.inside import find_depths, find_planes
 from symbrion_gym._src.contact.kinds import HeightField
-from symbrion_gym._src.contact.quality import ArenaQuality
-from symbrion_gym._src.contact.ray_mesh import RayMesh
+from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.contact.visibility import (
     VisibilityConfig,
     add_visibility,

@@ -12,7 +12,7 @@ from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
 from symbrion_gym._src.contact.passes import coacd, finish, slabs
-from symbrion_gym._src.contact.terrain_planes import SlabPassConfig
+from symbrion_gym._src.contact.primitives import SlabPassConfig
 from symbrion_gym._src.errors import ArenaError
 
 ACCURACY = 0.005

@@ -9,8 +9,7 @@ import trimesh
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.contact.builder import make_contact
-from symbrion_gym._src.contact.contact import Contact
-from symbrion_gym._src.contact.kinds import FieldConfig
+from symbrion_gym._src.contact.kinds import Contact, FieldConfig
 from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
 
 ACCURACY = 0.008

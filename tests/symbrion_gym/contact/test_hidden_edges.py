@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.rectangles import find_box
+from reconstruction._src.geometry.halfspaces import find_box
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.contact.hidden_edges import EdgeConfig, clear_hidden_edges
+from symbrion_gym._src.contact.crease_lines import EdgeConfig, clear_hidden_edges
 
 
 @pytest.fixture(scope="module")

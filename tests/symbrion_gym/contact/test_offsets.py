@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from symbrion_gym._src.contact.inside import find_nearest, find_offsets, join_meshes
 from symbrion_gym._src.contact.kinds import HeightField
-from symbrion_gym._src.contact.offsets import find_nearest, find_offsets, join_meshes
 
 SLAB = trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])
 

@@ -5,7 +5,7 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
-from symbrion_gym._src.contact.terrain_planes import SlabPassConfig
+from symbrion_gym._src.contact.primitives import SlabPassConfig
 from symbrion_gym._src.errors import ArenaError
 
 

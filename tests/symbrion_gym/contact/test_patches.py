@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 from symbrion_gym._src.contact.patches import join_faces
-from symbrion_gym._src.contact.plane_snapping import snap_to_planes
 from symbrion_gym._src.contact.planes import Planes
-from symbrion_gym._src.contact.thickening import ThicknessConfig, find_thickness
+from symbrion_gym._src.contact.simplification import snap_to_planes
+from symbrion_gym._src.contact.solid import ThicknessConfig, find_thickness
 
 
 def make_grid(heights) -> trimesh.Trimesh:

@@ -5,9 +5,14 @@ import pytest
 import trimesh
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.halfspaces import find_halfspaces, find_inner_point, find_tops, make_solid
-from reconstruction._src.geometry.hulls import make_hull
-from reconstruction._src.geometry.rectangles import find_box
+from reconstruction._src.geometry.halfspaces import (
+    find_box,
+    find_halfspaces,
+    find_inner_point,
+    find_tops,
+    make_solid,
+)
+from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym._src.contact.seams import mend_pieces

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from symbrion_gym._src.contact.planes import Planes
-from symbrion_gym._src.contact.shared_planes import SharingConfig, share_planes
+from symbrion_gym._src.contact.seams import SharingConfig, share_planes
 
 
 def make_squares(heights: list[float]) -> tuple[trimesh.Trimesh, Planes]:

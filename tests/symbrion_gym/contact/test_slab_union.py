@@ -6,7 +6,7 @@ import trimesh
 from scanned_surface import make_scanned_surface
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.hulls import make_hull
+from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.options import ContactOptions

@@ -8,7 +8,7 @@ from scanned_surface import make_scanned_surface
 from symbrion_gym._src.arenas.course import Course, StairsCourse, make_simple_surface
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.options import ContactOptions
-from symbrion_gym._src.contact.subdivision import split_long_edges
+from symbrion_gym._src.contact.simplification import split_long_edges
 
 EXACT = {
     "course": Course().surface(),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from symbrion_gym._src.environment.episodes import name_flags, name_numbers
-from symbrion_gym._src.tasks.snake_pit import make_snake_pit
+from symbrion_gym._src.tasks.catalog import make_snake_pit
 
 NUMBERS, FLAGS = name_numbers(make_snake_pit()), name_flags(make_snake_pit())
 """Of `info`."""

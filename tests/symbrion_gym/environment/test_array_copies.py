@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.array_copies import link_views
+from symbrion_gym._src.environment.commands import link_views
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 

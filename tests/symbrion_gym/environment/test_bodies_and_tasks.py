@@ -12,8 +12,8 @@ from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.robot.body_plans import make_random_organism
 from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
-from symbrion_gym._src.robot.random_organism import make_random_organism
 
 BODIES: dict[str, Organism] = {
     **{f"snake {count}": snake(count) for count in range(2, 10)},

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.robot.body_plans import make_random_organism
 from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
-from symbrion_gym._src.robot.random_organism import make_random_organism
 
 _RISE = 0.005
 """No module rises by more in the first half second [m]."""

@@ -5,7 +5,7 @@ import numpy as np
 import trimesh
 
 from symbrion_gym._src.arenas.spec import SURFACE_GROUP
-from symbrion_gym._src.environment.sight import Sight, View
+from symbrion_gym._src.environment.rendering import Sight, View
 
 WANTED = View(90.0, -20.0, 1.5)
 TARGET = np.array([0.0, 0.0, 0.1])

@@ -8,7 +8,7 @@ import pytest
 
 import symbrion_gym as sg
 from symbrion_gym._src.robot.belts import BELT_MODELS, Tracks
-from symbrion_gym._src.robot.skid_steering import find_turning_rate
+from symbrion_gym._src.robot.tracks import find_turning_rate
 
 STEPS = 1000
 

@@ -5,9 +5,8 @@ import pytest
 
 import symbrion_gym as sg
 from symbrion_gym._src.errors import OrganismError
-from symbrion_gym._src.robot.body_plans import load_organism, organism_to_text
+from symbrion_gym._src.robot.body_plans import load_organism, make_random_organism, organism_to_text
 from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
-from symbrion_gym._src.robot.random_organism import make_random_organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from symbrion_gym._src.robot.skid_steering import find_turning_rate
-from symbrion_gym._src.robot.sliding_loads import Contacts, find_load_gain, find_sliding_rate
+from symbrion_gym._src.robot.belts import Contacts, find_load_gain, find_sliding_rate
+from symbrion_gym._src.robot.tracks import find_turning_rate
 
 HALF, REACH, SPEED = 0.15, 0.1, 0.2
 

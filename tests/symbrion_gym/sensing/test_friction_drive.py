@@ -8,7 +8,7 @@ from reconstruction._src.slip.drags import find_friction
 from reconstruction._src.slip.patches import find_friction_patches
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.ground_friction import choose_friction
+from symbrion_gym._src.arenas.making import choose_friction
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.friction_drive import drive_lanes, find_friction_robot, find_lanes
 from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipNoise

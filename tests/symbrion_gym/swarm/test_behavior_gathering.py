@@ -5,12 +5,20 @@ import pytest
 from toy_swarm import ToySwarm
 
 from symbrion_gym._src.robot.organism import Docking, snake
-from symbrion_gym._src.swarm.behavior.dead_reckoning import REACH, carry, locate, recall
 from symbrion_gym._src.swarm.behavior.machine import SILENCE, Machine
-from symbrion_gym._src.swarm.behavior.memory import Memory, Mode, make_ticket, read_ticket
+from symbrion_gym._src.swarm.behavior.memory import (
+    REACH,
+    Memory,
+    Mode,
+    carry,
+    locate,
+    make_plan,
+    make_ticket,
+    read_ticket,
+    recall,
+)
 from symbrion_gym._src.swarm.behavior.motion import APART, HEARD_WELL
 from symbrion_gym._src.swarm.behavior.percepts import NOBODY, Heard, Percepts
-from symbrion_gym._src.swarm.behavior.plan import make_plan
 from symbrion_gym._src.swarm.behavior.steering import HALF_GAUGE, SLIP, wrap
 from symbrion_gym._src.swarm.behavior.transitions import STALL_TIME
 

@@ -8,9 +8,8 @@ from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.errors import OptionError, OrganismError
 from symbrion_gym._src.robot.organism import Docking, Organism, cross, snake
 from symbrion_gym._src.swarm.behavior.machine import Machine
-from symbrion_gym._src.swarm.behavior.memory import PART, Memory, Mode, make_ticket, read_ticket
+from symbrion_gym._src.swarm.behavior.memory import PART, Memory, Mode, make_plan, make_ticket, read_ticket
 from symbrion_gym._src.swarm.behavior.percepts import NOBODY
-from symbrion_gym._src.swarm.behavior.plan import make_plan
 from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights, list_bounds
 
 

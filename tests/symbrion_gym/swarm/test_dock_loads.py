@@ -5,7 +5,7 @@ import pytest
 
 from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.docks import DockConfig
-from symbrion_gym._src.swarm.dynamic.mating import find_error, find_share, has_mated
+from symbrion_gym._src.swarm.dynamic.transfer import find_error, find_share, has_mated
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA, BACK, FRONT, latch_row, make_docked, make_row
 

@@ -195,7 +195,7 @@ def test_a_member_that_cannot_move_holds_its_group():
 
 
 def test_random_robots_never_reach_into_each_other():
-    from symbrion_gym._src.swarm.kinematic.collisions import find_outlines, find_overlaps, find_pairs, take
+    from symbrion_gym._src.swarm.kinematic.motion import find_outlines, find_overlaps, find_pairs, take
 
     grid = np.stack(np.meshgrid(np.arange(5), np.arange(4)), axis=-1).reshape(-1, 2) * 0.17
     rng = np.random.default_rng(0)

@@ -5,7 +5,7 @@ import pytest
 
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
-from symbrion_gym._src.swarm.organism_senses import find_modules, read_organism
+from symbrion_gym._src.swarm.senses import find_modules, read_organism
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA, make_docked, make_row
 
 

@@ -9,8 +9,7 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym._src.swarm.signals.config import SignalConfig
-from symbrion_gym._src.swarm.signals.infrared import find_readings
+from symbrion_gym._src.swarm.signals.infrared import SignalConfig, find_readings
 from symbrion_gym._src.swarm.signals.signals import NO_MESSAGE, Signals, Transmissions, pass_on
 
 EXACT = SignalConfig(noise=0.0, relative_noise=0.0, message_loss=0.0)

@@ -6,7 +6,7 @@ import pytest
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
-from symbrion_gym._src.robot.skid_steering import find_skid_motion
+from symbrion_gym._src.robot.tracks import find_skid_motion
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
 from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld

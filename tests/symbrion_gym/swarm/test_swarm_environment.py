@@ -10,7 +10,7 @@ from symbrion_gym import swarm_v0
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.swarm.environment import SwarmEnv
-from symbrion_gym._src.swarm.fidelity import FIDELITIES
+from symbrion_gym._src.swarm.options import FIDELITIES
 
 pytest.importorskip("pettingzoo", reason="the extra `swarm` is not installed")
 

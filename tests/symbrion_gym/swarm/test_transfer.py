@@ -7,8 +7,7 @@ import pytest
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.swarm.docks import sort_links
-from symbrion_gym._src.swarm.dynamic.assembly import Assembler
-from symbrion_gym._src.swarm.dynamic.layout import OpenOrganism, find_layout
+from symbrion_gym._src.swarm.dynamic.assembly import Assembler, OpenOrganism, find_layout
 from symbrion_gym._src.swarm.dynamic.motion import find_kinetic_energy, find_momentum
 from symbrion_gym._src.swarm.dynamic.transfer import read_motion, refresh, write_motion
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA

@@ -8,8 +8,7 @@ from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.tasks.checked_terms import CheckedFunction, check_function
 from symbrion_gym._src.tasks.goals import PassFinish
-from symbrion_gym._src.tasks.rewards import gain_progress
-from symbrion_gym._src.tasks.task import Task
+from symbrion_gym._src.tasks.task import Task, gain_progress
 from symbrion_gym._src.tasks.terms import Reward, Termination
 
 

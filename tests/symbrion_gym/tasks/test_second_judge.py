@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.robot.body_plans import make_random_organism
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
-from symbrion_gym._src.robot.random_organism import make_random_organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.tasks.audit import Trajectory
-from symbrion_gym._src.tasks.placing import place_tree
 from symbrion_gym._src.tasks.second_judge import audit_task
+from symbrion_gym._src.tasks.starts import place_tree
 
 DRIVES = {
     "cross_gap": {"arena": "truth", "pit": 0.2, "modules": 5, "start": "pit"},

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from symbrion_gym._src.tasks.host_arrays import HostArrays
+from symbrion_gym._src.tasks.scene import HostArrays
 from symbrion_gym._src.tasks.terminations import Stuck
 
 

@@ -54,7 +54,7 @@ def test_what_cannot_be_restored_is_refused():
         with pytest.raises(TaskError, match=r"cannot be restored|by name"):
             Task("mine", terminations=(Termination("low", function),)).as_dict()
     with pytest.raises(TaskError, match="not there"):
-        read_task({"function": "symbrion_gym._src.tasks.rewards:no_such_term"})
+        read_task({"function": "symbrion_gym._src.tasks.task:no_such_term"})
     with pytest.raises(TaskError, match="does not take"):
         read_task({"type": "symbrion_gym._src.tasks.starts:Start", "fields": {"hight": 1}})
     with pytest.raises(TaskError, match="no task but a Start"):

@@ -19,8 +19,8 @@ from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.traversability.drawing import draw_traversability
+from symbrion_gym._src.traversability.drivable import keep_upright
 from symbrion_gym._src.traversability.footprint import Footprint
-from symbrion_gym._src.traversability.ground import keep_upright
 from symbrion_gym._src.traversability.places import DIRECTIONS
 from symbrion_gym._src.traversability.routes import RouteConfig
 from symbrion_gym._src.traversability.straight import (

@@ -19,14 +19,14 @@ from evolution._src.cli.command import (
     require_writable_folder,
 )
 from evolution._src.cli.console import Console
-from evolution._src.cli.quality_table import make_quality_rows
 from evolution._src.cli.scan_source import is_scan_log
+from evolution._src.cli.search_limits import make_quality_rows
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.base.quantities import format_count, format_extents
+from reconstruction._src.base.range_checks import format_count, format_extents
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.accuracy import AccuracyReport
+    from symbrion_gym._src.arenas.scan_quality import AccuracyReport
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -126,7 +126,7 @@ class Arena(SeededCommand):
             require_extras("`symbrion arena --picture`", "report")
         if self.object:
             require_extras("`symbrion arena --object`", "objects")
-        from symbrion_gym._src.arenas.accuracy import report_accuracy
+        from symbrion_gym._src.arenas.scan_quality import report_accuracy
 
         with console.track(f"Arena from {self.mesh.name}") as step:
             arena = self._place_objects(self._make(step.progress), step.progress)
@@ -201,7 +201,7 @@ class Arena(SeededCommand):
     def _draw(self, arena: "sg.Arena") -> None:
         assert self.picture is not None
         from evolution._src.report.error_map import draw_error_map
-        from evolution._src.report.pictures import to_png
+        from evolution._src.report.figures import to_png
 
         self.picture.parent.mkdir(parents=True, exist_ok=True)
         with write_atomically(self.picture) as beside:

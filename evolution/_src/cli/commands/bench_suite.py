@@ -9,7 +9,7 @@ import tyro
 from evolution._src.cli.command import TrustingCommand, UsageError, require_file, require_writable_file
 from evolution._src.cli.console import Console
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.base.quantities import format_count
+from reconstruction._src.base.range_checks import format_count
 
 METHODS = Literal["zero", "random", "cmaes", "surrogate"]
 
@@ -88,8 +88,8 @@ class BenchSuite(TrustingCommand):
         return {"out": self.out, "entries": len(submission.entries), "seconds": step.seconds}
 
     def _verify(self, console: Console) -> dict[str, Any]:
+        from evolution._src.suite.running import verify
         from evolution._src.suite.submission import load_submission
-        from evolution._src.suite.verification import verify
 
         failed = 0
         rows = []

@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 import evolution as ev
-from evolution._src.backends.making import BACKENDS
+from evolution._src.backends.cluster import BACKENDS
 from evolution._src.body_search.config import ALGORITHMS, BodiesConfig
 from evolution._src.body_search.run import has_bodies
-from evolution._src.cli.arguments import check_arena, check_arena_folder
 from evolution._src.cli.command import (
     SeededCommand,
     TrustingCommand,
     UsageError,
+    check_arena,
+    check_arena_folder,
     find_modules_here,
     require_writable_folder,
 )
@@ -30,10 +31,9 @@ from evolution._src.cli.commands.evolve_bodies import (
     run_bodies,
 )
 from evolution._src.cli.console import Console
-from evolution._src.cli.search_limits import describe_interruption, warn_of_limit
-from evolution._src.cli.way_warning import warn_of_way
-from evolution._src.search.search_config import SearchConfig
-from reconstruction._src.base.quantities import format_count
+from evolution._src.cli.search_limits import describe_interruption, warn_of_limit, warn_of_way
+from evolution._src.search.config import SearchConfig
+from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.assets import SCANNED
 from symbrion_gym._src.environment.config import STARTS
 from symbrion_gym._src.robot.organism import snake

@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import evolution as ev
-from evolution._src.backends.making import EXACT_BACKENDS
-from evolution._src.body_search.description import describe_success, format_fitness
+from evolution._src.backends.cluster import EXACT_BACKENDS
+from evolution._src.body_search.algorithms import describe_success, format_fitness
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.console import Console
 from evolution._src.cli.search_limits import describe_stop, find_stops
 from evolution._src.errors import RunError
-from evolution._src.limits import MAX_MODULES
+from evolution._src.references import MAX_MODULES
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import find_missing
-from reconstruction._src.base.quantities import format_count
+from reconstruction._src.base.range_checks import format_count
 
 if TYPE_CHECKING:
     from evolution._src.body_search.learning import Lesson
@@ -152,7 +152,7 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
 def _draw_best(run: BodyRun, path: Path) -> None:
     """Draw the fittest bodies with their fitness."""
     from evolution._src.report.bodies import draw_bodies
-    from evolution._src.report.pictures import to_png
+    from evolution._src.report.figures import to_png
 
     best: dict[str, Lesson] = {}
     for lesson in sorted(run.record.lessons, key=lambda each: (each.rung, each.fitness), reverse=True):

@@ -7,11 +7,10 @@ from typing import Annotated, Any, Literal
 import tyro
 
 import symbrion_gym as sg
-from evolution._src.cli.arguments import check_arena
-from evolution._src.cli.command import Command, UsageError, require_writable_folder
+from evolution._src.cli.command import Command, UsageError, check_arena, require_writable_folder
 from evolution._src.cli.console import Console
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.base.quantities import format_count
+from reconstruction._src.base.range_checks import format_count
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -31,7 +30,7 @@ class Export(Command):
     def __post_init__(self) -> None:
         check_arena(self.arena)
         require_writable_folder(self.out, "--out")
-        from symbrion_gym._src.arenas.export.saving import find_own_files
+        from symbrion_gym._src.arenas.export.export import find_own_files
 
         try:
             find_own_files(self.out)

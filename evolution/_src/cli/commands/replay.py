@@ -9,13 +9,18 @@ import tyro
 
 import evolution as ev
 from evolution._src.body_search.run import has_bodies
-from evolution._src.cli.arguments import check_arena
-from evolution._src.cli.command import SeededCommand, TrustingCommand, UsageError, require_writable_file
+from evolution._src.cli.command import (
+    SeededCommand,
+    TrustingCommand,
+    UsageError,
+    check_arena,
+    require_writable_file,
+)
 from evolution._src.cli.commands.evolve import find_replay_arena, require_run
 from evolution._src.cli.console import Console
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.base.quantities import format_count
+from reconstruction._src.base.range_checks import format_count
 
 SPEED = 5.0
 """Playback speed of video and viewer, relative to real time."""

@@ -9,10 +9,10 @@ import tyro
 from jaxtyping import Float
 
 import symbrion_gym as sg
-from evolution._src.cli.arguments import check_arena
 from evolution._src.cli.command import (
     SeededCommand,
     UsageError,
+    check_arena,
     require_file,
     require_own_archive,
     require_writable_file,

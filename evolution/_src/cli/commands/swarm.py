@@ -48,8 +48,8 @@ class Swarm(SeededCommand, TrustingCommand):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion swarm`", "report")
-        from evolution._src.experiments.swarm.config import StoryConfig, SwarmRunConfig
         from evolution._src.experiments.swarm.run import run_swarm
+        from evolution._src.experiments.swarm.story import StoryConfig, SwarmRunConfig
 
         try:
             story = StoryConfig(arena=self.arena, seed=self.seed, num_robots=self.robots)
@@ -97,10 +97,9 @@ class Swarm(SeededCommand, TrustingCommand):
     def _show(self, track: Any, row: dict[str, Any], console: Console) -> None:
         """Write timeline and film of the first story."""
         import symbrion_gym as sg
-        from evolution._src.experiments.swarm.film import encode_film
-        from evolution._src.experiments.swarm.pictures import draw_timeline
-        from evolution._src.report.pictures import to_png
-        from symbrion_gym._src.swarm.starts import find_field
+        from evolution._src.experiments.swarm.film import draw_timeline, encode_film
+        from evolution._src.report.figures import to_png
+        from symbrion_gym._src.swarm.placing import find_field
 
         arena = sg.load_arena(self.arena)
         field = find_field(arena, self.robots)

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import tyro
 
 import symbrion_gym as sg
-from evolution._src.cli.arguments import check_arena
-from evolution._src.cli.command import SeededCommand, UsageError, require_writable_file
+from evolution._src.cli.command import SeededCommand, UsageError, check_arena, require_writable_file
 from evolution._src.cli.console import Console
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.base.quantities import format_count, format_extents
+from reconstruction._src.base.range_checks import format_count, format_extents
 from symbrion_gym._src.headless import has_display
 
 if TYPE_CHECKING:
@@ -137,7 +136,7 @@ class View(SeededCommand):
     def _draw(self, arena: "sg.Arena", ground: _Ground) -> None:
         assert self.picture is not None
         from evolution._src.report.arena_view import draw_arena
-        from evolution._src.report.pictures import to_png
+        from evolution._src.report.figures import to_png
 
         robot = sg.snake(self.modules)
         self.picture.parent.mkdir(parents=True, exist_ok=True)

@@ -11,17 +11,21 @@ import numpy as np
 import evolution as ev
 import symbrion_gym as sg
 from evolution._src.experiments.demo import Track as Steps
-from evolution._src.experiments.output_folder import refuse_foreign_files
-from evolution._src.experiments.run_champion import find_run_champion
-from evolution._src.experiments.swarm.config import BASELINE_TIME, StoryConfig, SwarmRunConfig
-from evolution._src.experiments.swarm.story import Story, tell_story
+from evolution._src.experiments.demo import find_run_champion, refuse_foreign_files
+from evolution._src.experiments.swarm.story import (
+    BASELINE_TIME,
+    Story,
+    StoryConfig,
+    SwarmRunConfig,
+    tell_story,
+)
 from evolution._src.search.run import load_champion
 from evolution._src.search.stored_config import restore
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.typed_json import JsonError, read_json
-from symbrion_gym._src.swarm.behavior.swarm import Track
+from symbrion_gym._src.swarm.behavior.machine import Track
 
 MARKER = "swarm.json"
 """The file that the command writes first; it holds what the other files were made with."""

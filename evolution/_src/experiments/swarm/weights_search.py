@@ -4,17 +4,142 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from math import radians
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from evolution._src.errors import RunError
-from evolution._src.experiments.swarm.docking_trials import TrialSetup, run_docking_trials
 from evolution._src.search.cmaes import Space, Strategy
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_counts, check_positive
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.swarm.behavior.hearing import HearingConfig
+from symbrion_gym._src.swarm.behavior.machine import BehavingSwarm, Machine
+from symbrion_gym._src.swarm.behavior.memory import Memory, Mode, make_plan, make_ticket
+from symbrion_gym._src.swarm.behavior.sensing import make_scout
 from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights, list_bounds
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.world import DECISION
+
+APART = 5.0
+"""Distance between pairs, which all run at once [m]: farther than a beacon is heard."""
+CHECK_EVERY = 10
+"""Decisions between two looks at who has locked."""
+
+
+class DockingTimes(NamedTuple):
+    """Results of docking trials, one row each.
+
+    Attributes:
+        position: start position, 1 to 5 as in the hardware's trials.
+        locked: whether the front dock locked.
+        seconds: from LocateBeacon to Locking [s]; nan where it did not lock.
+        recoveries: failed attempts.
+    """
+
+    position: Int[np.ndarray, " T"]
+    locked: Bool[np.ndarray, " T"]
+    seconds: Float[np.ndarray, " T"]
+    recoveries: Int[np.ndarray, " T"]
+
+
+@dataclass(frozen=True)
+class TrialSetup:
+    """Start conditions and parameters of the trials.
+
+    The coordinates of the hardware's start positions are not known: `distances` were fitted to the times of trials
+    without recoveries. `sides` and the small errors of the start are estimates.
+
+    Attributes:
+        distances: from the recruiter's dock to the center of the other robot, positions 1 to 3 [m].
+        sides: of positions 1 to 3, left, middle and right, from the axis of the dock [rad].
+        headings: of positions 4 (as 2) and 5 (as 3), off the direction to the dock, in turn [rad].
+        spread: standard deviations of start position [m] and heading [rad].
+        duration: a trial that takes longer has failed [s]; the longest of the robots took 242 s in all.
+        weights: of the behaviors.
+        hearing: how well robots hear.
+    """
+
+    distances: tuple[float, float, float] = (1.15, 0.88, 0.62)
+    sides: tuple[float, float, float] = (radians(10), 0.0, radians(-10))
+    headings: tuple[float, ...] = (radians(45), radians(135), radians(-45), radians(-135))
+    spread: tuple[float, float] = (0.01, 0.05)
+    duration: float = 240.0
+    weights: BehaviorWeights = field(default_factory=BehaviorWeights)
+    hearing: HearingConfig = field(default_factory=HearingConfig)
+
+
+def run_docking_trials(
+    positions: Int[np.ndarray, " T"],
+    setup: TrialSetup | None = None,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> DockingTimes:
+    """Run trials from start positions, all at once and out of each other's hearing, on level ground."""
+    setup, count = setup or TrialSetup(), len(positions)
+    world = KinematicWorld(_make_floor(count), 2 * count, make_scout())
+    world.reset(_place(positions, setup, np.random.default_rng((seed, 5))), seed)
+    machine = Machine(make_plan(snake(2)), 2 * count, setup.weights)
+    swarm = BehavingSwarm(world, machine, setup.hearing, seed, _begin(count))
+    seconds = np.full(count, np.nan)
+    recoveries = np.zeros(count, np.int64)
+    steps = round(setup.duration / DECISION)
+    for step in range(steps):
+        swarm.step()
+        mode = swarm.memory.mode[1::2]
+        is_new = np.isnan(seconds) & (mode == Mode.LOCK)
+        seconds = np.where(is_new, world.time, seconds)
+        recoveries = np.where(np.isnan(seconds) | is_new, swarm.memory.recoveries[1::2], recoveries)
+        if step % CHECK_EVERY == 0:
+            progress("docking trials", step / steps)
+            if not np.isnan(seconds).any():
+                break
+    return DockingTimes(np.asarray(positions), ~np.isnan(seconds), seconds, recoveries)
+
+
+def _make_floor(count: int) -> Arena:
+    """Return level ground for so many pairs."""
+    rows = int(np.ceil(np.sqrt(count)))
+    course = Course(pit=0.0, floor=APART * (rows + 1), width=APART * (rows + 1))
+    return Arena.from_course(course, "floor")
+
+
+def _place(
+    positions: Int[np.ndarray, " T"], setup: TrialSetup, rng: np.random.Generator
+) -> Float[np.ndarray, "M 3"]:
+    """Return poses of recruiters (even rows) and of the robots that come (odd rows)."""
+    count = len(positions)
+    rows = int(np.ceil(np.sqrt(count)))
+    foot = Course(pit=0.0).ramp_feet[0]
+    grid = np.stack(np.divmod(np.arange(count), rows), axis=-1) * APART
+    dock = np.stack([foot - APART - grid[:, 0], grid[:, 1] - APART * (rows - 1) / 2], axis=-1)
+    like = np.where(positions > 3, positions - 2, positions) - 1
+    distance, side = np.array(setup.distances)[like], np.array(setup.sides)[like]
+    turn = np.where(positions > 3, np.resize(setup.headings, count), 0.0)
+    poses = np.zeros((2 * count, 3))
+    poses[::2, :2] = dock
+    noise = rng.standard_normal((count, 3))
+    way = np.stack([-np.cos(side), np.sin(side)], axis=-1)
+    back = np.array([0.0525, 0.0])
+    poses[1::2, :2] = dock - back + distance[:, None] * way + setup.spread[0] * noise[:, :2]
+    poses[1::2, 2] = -side + turn + setup.spread[1] * noise[:, 2]
+    return poses
+
+
+def _begin(count: int) -> Memory:
+    """Return the memory of pairs: one recruits and has accepted the other."""
+    numbers = np.arange(2 * count)
+    memory = Memory.begin(2 * count)
+    even = numbers % 2 == 0
+    memory = memory.start(even, Mode.RECRUIT, role=0, leader=numbers[even], roles=1)
+    accepted = np.where(even, make_ticket(np.ones_like(numbers), numbers + 1), 0)
+    memory = memory.start(~even, Mode.LOCATE_BEACON)
+    return memory._replace(ticket=accepted, unseen=np.zeros(2 * count), silent=np.zeros(2 * count))
+
 
 EVOLVED = (
     "locate_speed", "lookahead", "align_distance", "align_angle", "align_offset", "dock_speed", "dock_time",

@@ -22,10 +22,9 @@ from scipy.spatial import cKDTree
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_all_positive
-from reconstruction._src.changes.neighborhoods import widen
+from reconstruction._src.changes.free_space import widen
 from reconstruction._src.geometry.rows import find_lengths, sum_rows
 from reconstruction._src.networks.growing_grid import paper as grid_paper
-from reconstruction._src.networks.growing_grid.cover import CoverConfig, find_covered_cells
 from reconstruction._src.networks.growing_grid.growth import (
     Insertion,
     choose_lines,
@@ -42,7 +41,12 @@ from reconstruction._src.networks.growing_grid.learning import (
     fit_grid,
     learn,
 )
-from reconstruction._src.networks.growing_grid.mesh import triangulate, untangle_sheet
+from reconstruction._src.networks.growing_grid.mesh import (
+    CoverConfig,
+    find_covered_cells,
+    triangulate,
+    untangle_sheet,
+)
 from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.density import DensityConfig, measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles

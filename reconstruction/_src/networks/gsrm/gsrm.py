@@ -19,14 +19,13 @@ from scipy.spatial import cKDTree
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_all_positive
-from reconstruction._src.changes.neighborhoods import widen
+from reconstruction._src.changes.free_space import widen
 from reconstruction._src.geometry.rows import sum_rows
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
 from reconstruction._src.networks.gsrm.completion import CompletionConfig, find_uncovered
 from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
-from reconstruction._src.networks.gsrm.support import make_support
+from reconstruction._src.networks.gsrm.support import TopologyConfig, make_support
 from reconstruction._src.networks.gsrm.topology import learn_faces
-from reconstruction._src.networks.gsrm.topology_config import TopologyConfig
 from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.density import Density, DensityConfig, measure_density
 from reconstruction._src.networks.som.winners import Tiles, make_tiles, search_all

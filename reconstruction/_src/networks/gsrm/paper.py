@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.geometry.manifold import make_winding
-from reconstruction._src.networks.gsrm.paper_mesh import PaperMesh
-from reconstruction._src.networks.gsrm.paper_patching import patch_mesh
+from reconstruction._src.networks.gsrm.paper_patching import PaperMesh, patch_mesh
 
 _FAR = 1e9
 """Where the slots of removed units lie: they win nothing."""

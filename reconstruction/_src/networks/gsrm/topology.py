@@ -18,8 +18,7 @@ from reconstruction._src.geometry.manifold import group_sides, is_in_sorted, mak
 from reconstruction._src.geometry.orientation import find_components
 from reconstruction._src.geometry.rows import find_lengths, sum_rows
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
-from reconstruction._src.networks.gsrm.support import Support, find_sparse
-from reconstruction._src.networks.gsrm.topology_config import TopologyConfig
+from reconstruction._src.networks.gsrm.support import Support, TopologyConfig, find_sparse
 
 _EMPTINESS_SLACK = 1e-5
 """Share of the squared radius by which float32 may misplace a neighbor on the ball."""

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
+from scipy.optimize import least_squares
+
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.base.range_checks import check_all_positive
 
 _LEAST_AREA = 1e-10
 """Cut triangles with less area are left out [m²]."""
@@ -114,3 +119,189 @@ def _drop_flat(corners: Float[np.ndarray, "F 3 3"]) -> Float[np.ndarray, "G 3 3"
 def _find_normals(corners: Float[np.ndarray, "F 3 3"]) -> Float[np.ndarray, "F 3"]:
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), 1e-300)
+
+
+@dataclass(frozen=True)
+class PrimitivesConfig:
+    """Which shapes replace triangles.
+
+    Attributes:
+        tolerance: largest distance of a replaced vertex from its shape [m]; None: three times the noise of the
+            surface, within `tolerance_limits`. Less leaves holes in planes, which rectangles must go around.
+        tolerance_limits: of an estimated tolerance [m]. Beams on a shape are off those on the mesh by a quarter of the
+            tolerance in the mean.
+        normal_angle: largest angle between a face and its shape [rad]: normals of faces of 3 cm with a noise of 1 mm
+            deviate by 4 degrees.
+        min_area: of the faces of a shape [m²]; smaller ones stay triangles ...
+        min_part: ... and those with a smaller share of the surface.
+        min_covered: share of a closed shape (box, sphere, cylinder) that faces cover, at least.
+        max_exposed: share of a closed shape that may stand where the surface says nothing.
+        max_open: share of a rectangle that neither lies on the surface nor behind it, at most. Rectangles grow to the
+            corners of a room and behind things that stand before them, so that little is left for the tree of
+            triangles, and over ragged rims. More closes narrow openings: 0.02 closed half a doorway.
+        min_rectangle: share of the surface that a rectangle of a plane has at least, where the surface is open ground:
+            each costs every beam that looks its way, as much as a level or two of the tree of triangles ...
+        min_rectangle_hollow: ... and where it is hollow, as a room, of which each beam meets more boxes of the tree.
+        hollow: a surface is hollow with more area than this, relative to half that of the box around it.
+        min_cover: share of the surface that rectangles and solids have together, or rectangles are left out: where most
+            beams go through the tree all the same, they only cost.
+        max_rectangles: of one plane, the largest first.
+        cell: resolution at which a plane is divided into rectangles [m].
+        margin: triangles reach below the rim of a rectangle by this much [m], so that no beam slips through.
+        thickness: of the box behind a rectangle [m], away from free space.
+        reach: the rest of a hollow surface is divided into what is this near to each plane [m] ...
+        apart: ... and all others into groups that are this far apart [m], ...
+        fewest: ... each of so many triangles at least.
+        max_radius: of spheres and cylinders [m]; larger ones are hardly told from planes.
+        candidates: drawn in a round, of each kind.
+        sample: faces on which candidates are compared.
+        misses: rounds without a shape after which the search ends.
+        fits: rounds of fitting a shape to the faces that it explains.
+
+    Raises:
+        ReconstructionError: a value is not above 0, or limits are not in order.
+    """
+
+    tolerance: float | None = None
+    tolerance_limits: tuple[float, float] = (0.004, 0.006)
+    normal_angle: float = 0.35
+    min_area: float = 0.03
+    min_part: float = 0.003
+    min_covered: float = 0.3
+    max_exposed: float = 0.02
+    max_open: float = 0.01
+    min_rectangle: float = 0.06
+    min_rectangle_hollow: float = 0.02
+    hollow: float = 1.5
+    min_cover: float = 0.6
+    max_rectangles: int = 6
+    cell: float = 0.01
+    margin: float = 0.003
+    thickness: float = 0.004
+    reach: float = 0.2
+    apart: float = 0.3
+    fewest: int = 30
+    max_radius: float = 1.0
+    candidates: int = 200
+    sample: int = 1500
+    misses: int = 3
+    fits: int = 4
+
+    def __post_init__(self) -> None:
+        check_all_positive(self)
+        low, high = self.tolerance_limits
+        if not 0.0 < low <= high:
+            raise ReconstructionError(
+                f"PrimitivesConfig.tolerance_limits is {self.tolerance_limits}; two lengths above 0 are needed, the "
+                "lower first"
+            )
+
+
+KINDS = ("plane", "sphere", "cylinder")
+_LEAST = 1e-9
+"""Divided by instead of 0."""
+
+
+class Shapes(NamedTuple):
+    """Several infinite shapes of one kind.
+
+    Attributes:
+        kind: one of `KINDS`.
+        point: `[C, 3]` a point of the plane, the center, a point of the axis [m].
+        axis: `[C, 3]` unit normal of the plane, axis of the cylinder; unused by spheres.
+        radius: `[C]` of sphere or cylinder [m]; unused by planes.
+        side: `[C]` 1 where the surface looks outwards, away from center or axis, -1 inwards; 1 for planes.
+    """
+
+    kind: str
+    point: Float[np.ndarray, "C 3"]
+    axis: Float[np.ndarray, "C 3"]
+    radius: Float[np.ndarray, " C"]
+    side: Float[np.ndarray, " C"]
+
+    def pick(self, index: int) -> Shapes:
+        """Return one of them."""
+        one = slice(index, index + 1)
+        return Shapes(self.kind, *(array[one] for array in self[1:]))
+
+    def measure(
+        self, points: Float[np.ndarray, "N 3"]
+    ) -> tuple[Float[np.ndarray, "C N"], Float[np.ndarray, "C N 3"]]:
+        """Return the signed distance of points in front of each shape [m], and the shape's normals there."""
+        offset = points[None] - self.point[:, None]
+        if self.kind == "plane":
+            distance = np.einsum("cnk,ck->cn", offset, self.axis)
+            return distance, np.broadcast_to(self.axis[:, None], offset.shape)
+        if self.kind == "cylinder":
+            along = np.einsum("cnk,ck->cn", offset, self.axis)
+            offset = offset - along[..., None] * self.axis[:, None]
+        length = np.linalg.norm(offset, axis=2)
+        normals = self.side[:, None, None] * offset / np.maximum(length, _LEAST)[..., None]
+        return self.side[:, None] * (length - self.radius[:, None]), normals
+
+
+def make_candidates(
+    kind: str,
+    points: Float[np.ndarray, "C 2 3"],
+    normals: Float[np.ndarray, "C 2 3"],
+    max_radius: float,
+) -> Shapes:
+    """Return the shapes through minimal sets: two oriented points each.
+
+    References:
+        Schnabel, Wahl and Klein (2007), Efficient RANSAC for point-cloud shape detection, section 4.1.
+        Differs: a plane is made of two oriented points, not of three points.
+    """
+    (p, q), (n, m) = np.moveaxis(points, 1, 0), np.moveaxis(normals, 1, 0)
+    if kind == "plane":
+        axis = _normalize(n + m)
+        return Shapes(kind, (p + q) / 2, axis, np.zeros(len(p)), np.ones(len(p)))
+    axis = _normalize(np.cross(n, m)) if kind == "cylinder" else np.zeros_like(p)
+    apart = q - p
+    apart = apart - (np.einsum("ck,ck->c", apart, axis))[:, None] * axis
+    # the lines p + s n and q + t m, across the axis, come nearest to each other at the center
+    cosine = np.einsum("ck,ck->c", n, m)
+    a, b = np.einsum("ck,ck->c", n, apart), np.einsum("ck,ck->c", m, apart)
+    sine = np.maximum(1.0 - cosine**2, _LEAST)
+    s, t = (a - cosine * b) / sine, (cosine * a - b) / sine
+    center = (p + s[:, None] * n + p + apart + t[:, None] * m) / 2
+    radius = (np.abs(s) + np.abs(t)) / 2
+    is_good = (s * t > 0) & (radius < max_radius) & (np.abs(np.abs(s) - np.abs(t)) < 0.3 * radius)
+    is_good &= sine > 0.03
+    return Shapes(kind, center[is_good], axis[is_good], radius[is_good], -np.sign(s[is_good]))
+
+
+def fit_shape(shape: Shapes, points: Float[np.ndarray, "N 3"], weights: Float[np.ndarray, " N"]) -> Shapes:
+    """Return the shape that fits points best in the sense of least squares, from a first guess."""
+    weights = weights / weights.sum()
+    if shape.kind == "plane":
+        center = weights @ points
+        offset = (points - center) * np.sqrt(weights)[:, None]
+        axis = np.linalg.svd(offset, full_matrices=False)[2][2]
+        axis = axis * np.sign(axis @ shape.axis[0])
+        return shape._replace(point=center[None], axis=axis[None])
+    basis = _find_across(shape.axis[0]) if shape.kind == "cylinder" else np.eye(3)
+
+    def make(x: Float[np.ndarray, " P"]) -> Shapes:
+        if shape.kind == "sphere":
+            return shape._replace(point=shape.point + x[:3], radius=shape.radius + x[3])
+        axis = _normalize(shape.axis + x[3:5] @ basis)
+        return shape._replace(point=shape.point + x[:2] @ basis, axis=axis, radius=shape.radius + x[2])
+
+    def find_gaps(x: Float[np.ndarray, " P"]) -> Float[np.ndarray, " N"]:
+        return np.sqrt(weights) * make(x).measure(points)[0][0]
+
+    found = least_squares(find_gaps, np.zeros(4 if shape.kind == "sphere" else 5), max_nfev=30)
+    made = make(found.x)
+    return made._replace(radius=np.abs(made.radius))
+
+
+def _normalize(vectors: Float[np.ndarray, "C 3"]) -> Float[np.ndarray, "C 3"]:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), _LEAST)
+
+
+def _find_across(axis: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "2 3"]:
+    """Return two unit vectors that are perpendicular to an axis and to each other."""
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first = first / np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first)])

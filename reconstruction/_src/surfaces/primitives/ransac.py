@@ -12,8 +12,13 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import find_hinges, find_normals, group_sides
-from reconstruction._src.surfaces.primitives.config import PrimitivesConfig
-from reconstruction._src.surfaces.primitives.shapes import KINDS, Shapes, fit_shape, make_candidates
+from reconstruction._src.surfaces.primitives.primitive import (
+    KINDS,
+    PrimitivesConfig,
+    Shapes,
+    fit_shape,
+    make_candidates,
+)
 
 _NEIGHBORS = (6, 24, 96, 384)
 """The second point of a minimal set is one of this many nearest ones: levels of locality."""

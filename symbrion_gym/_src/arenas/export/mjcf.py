@@ -15,7 +15,6 @@ from jaxtyping import Num
 
 from symbrion_gym._src.arenas.export.content import Content, Solid
 from symbrion_gym._src.arenas.placed_objects import OBJECT_COLOR, OBJECT_GROUP, PlacedObject, name_objects
-from symbrion_gym._src.arenas.png import to_png
 from symbrion_gym._src.arenas.spec import (
     CONTACT_GROUP,
     FIELD_BASE,
@@ -26,7 +25,7 @@ from symbrion_gym._src.arenas.spec import (
     SURFACE_GROUP,
     make_piece_colors,
 )
-from symbrion_gym._src.arenas.texture import TEXTURE_FILE
+from symbrion_gym._src.arenas.texture import TEXTURE_FILE, to_png
 from symbrion_gym._src.contact.kinds import HeightField
 
 BODY = "arena"

@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from jaxtyping import Float
 
-from reconstruction._src.geometry.rectangles import Box
+from reconstruction._src.geometry.halfspaces import Box
 from symbrion_gym._src.arenas.export.content import Content
 from symbrion_gym._src.arenas.export.obj import format_colored, format_mesh
 from symbrion_gym._src.errors import ArenaError

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from reconstruction._src.surfaces.intersections import find_intersections
+from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym._src.contact.coacd_search import decompose_solid
-from symbrion_gym._src.contact.contact import Contact
+from symbrion_gym._src.contact.crease_lines import clear_hidden_edges
+from symbrion_gym._src.contact.kinds import Contact
+from symbrion_gym._src.contact.primitives import find_uncovered, is_smooth, make_boxes
 from symbrion_gym._src.contact.problem import ContactProblem
+from symbrion_gym._src.contact.seams import mend_pieces
 from symbrion_gym._src.contact.slab_union import decompose_slabs, has_moved, restore_planes
+from symbrion_gym._src.contact.slabs import make_slabs
 from symbrion_gym._src.errors import ArenaError
 
 
@@ -51,3 +58,64 @@ def decompose_body(problem: ContactProblem, best: Contact | None) -> Contact | N
         return decompose_solid(problem, problem.solid)
     except ArenaError as error:
         raise NoCandidate(str(error)) from error
+
+
+def fit_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
+    """Return slabs beneath the planes of a terrain; None where it is no terrain, or too rough for planes."""
+    if problem.shape != "terrain":
+        return None
+    options, config = problem.options, problem.config
+    planes, tolerance = problem.terrain_planes
+    if not is_smooth(problem.top, planes, config.slab_pass):
+        return None
+    most = min(options.max_pieces, config.slab_pass.max_slabs)
+    top = problem.top
+    _, pieces = make_slabs(
+        top,
+        problem.top_ground,
+        planes,
+        tolerance,
+        most,
+        options.thickness,
+        problem.deadline.is_over,
+        config.slabs,
+    )
+    if options.kind == "primitives":
+        boxes = make_boxes(top, problem.top_ground, planes, tolerance, config.primitives)
+        pieces = boxes + find_uncovered(pieces, boxes, tolerance, config.primitives)
+    if not pieces:
+        return None
+    notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}
+    return problem.measure(pieces, notes)
+
+
+def close_seams(problem: ContactProblem, best: Contact | None) -> Contact | None:
+    """Return slabs, or coacd's pieces of them, with closed seams."""
+    if best is None or not _is_of_slabs(problem, best):
+        return None
+    pieces = mend_pieces(best.pieces, problem.top_ground, problem.deadline.is_over, problem.config.seams)
+    return problem.measure(pieces, best.notes)
+
+
+def fit_boxes(problem: ContactProblem, best: Contact | None) -> Contact | None:
+    """Return slabs, or coacd's pieces of them, cut at creases and turned into boxes."""
+    if best is None or not _is_of_slabs(problem, best):
+        return None
+    config = problem.config
+    most = min(problem.options.max_pieces, max(config.slab_pass.max_parts, len(best.pieces)))
+    parts = split_at_creases(best.pieces, most, config.boxes)
+    boxed = turn_into_boxes(parts, problem.top_ground, config.boxes, problem.deadline.is_over)
+    cleared = clear_hidden_edges(boxed, problem.top_ground, config.edges)
+    return problem.measure(cleared, best.notes)
+
+
+def _is_of_slabs(problem: ContactProblem, contact: Contact) -> bool:
+    """Return whether these are few solids beneath a terrain; mending compares every one with all others."""
+    return (
+        contact.notes["way"].endswith("slabs") and len(contact.pieces) <= problem.config.slab_pass.max_united
+    )
+
+
+def stop_clock(problem: ContactProblem, contact: Contact) -> Contact:
+    """Return contact geometry with the time that it has taken up to now."""
+    return replace(contact, quality=replace(contact.quality, seconds=problem.deadline.elapsed))

@@ -22,7 +22,7 @@ from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.behavior.percepts import Heard, Wired, Words
 from symbrion_gym._src.swarm.behavior.steering import wrap
 from symbrion_gym._src.swarm.docks import find_dock_poses
-from symbrion_gym._src.swarm.signals.config import SignalConfig
+from symbrion_gym._src.swarm.signals.infrared import SignalConfig
 from symbrion_gym._src.swarm.world import SwarmState
 
 
@@ -31,7 +31,7 @@ class HearingConfig:
     """How well broadcasts are received.
 
     `bias` and `bias_time` were fitted to half of the docking trials of real robots
-    (`evolution._src.experiments.swarm.docking_trials`); the rest are estimates.
+    (`evolution._src.experiments.swarm.weights_search`); the rest are estimates.
 
     Attributes:
         light: of infrared units; a dock is heard where it is bright enough for messages.

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from symbrion_gym._src.swarm.behavior.percepts import NOBODY
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.swarm.behavior.percepts import FRONT, NOBODY
+from symbrion_gym._src.swarm.behavior.steering import HALF_GAUGE, SLIP, wrap
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from symbrion_gym._src.swarm.behavior.percepts import Heard
 
 
 class Mode(IntEnum):
@@ -145,3 +154,73 @@ STAY, PART, DISSOLVE = range(3)
 """What an organism is told: nothing, to part after its task, to part as the attempt has failed."""
 _TICKET = 4096
 """More than there are robots in a swarm."""
+
+
+MOST_ROLES = 60
+"""Places of a plan: robots keep a bit for each."""
+
+
+class Plan(NamedTuple):
+    """Which place of an organism wants which other at each of its docks.
+
+    Attributes:
+        wanted: place that is to dock at each dock of a place, in the order of `SIDES`; NOBODY for none.
+        everyone: bits of all places.
+    """
+
+    wanted: Int[np.ndarray, "n 4"]
+    everyone: int
+
+    @property
+    def num_roles(self) -> int:
+        """Number of robots that the organism needs."""
+        return len(self.wanted)
+
+
+def make_plan(organism: Organism) -> Plan:
+    """Return the plan of an organism whose module 0 is the seed, and to which robots dock with their front docks."""
+    if organism.num_modules > MOST_ROLES:
+        raise OrganismError(f"a plan has at most {MOST_ROLES} robots, got {organism.num_modules}")
+    wanted = np.full((organism.num_modules, len(SIDES)), NOBODY)
+    parents = organism.parents
+    for docking in organism.dockings:
+        ends = dict(docking.ends)
+        child = docking.second if parents[docking.second] == docking.first else docking.first
+        parent = docking.first + docking.second - child
+        if SIDES.index(ends[child]) != FRONT:
+            raise OrganismError(
+                f"robots dock with their front docks; module {child} would with its {ends[child]} dock"
+            )
+        wanted[parent, SIDES.index(ends[parent])] = child
+    return Plan(wanted, (1 << organism.num_modules) - 1)
+
+
+REACH = ScoutConfig().arm_reach
+"""From the center of a robot to the dock with which it hears [m]: that of the front, with which it docks."""
+
+
+def carry(pose: Float[np.ndarray, "N 3"], way: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "N 3"]:
+    """Return poses of docks in the frames of robots that have moved."""
+    turn = (way[:, 1] - way[:, 0]) / (2 * HALF_GAUGE * SLIP)
+    ahead, left = pose[:, 0] - way.mean(axis=-1), pose[:, 1]
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return np.stack([cosine * ahead + sine * left, cosine * left - sine * ahead, pose[:, 2] - turn], axis=-1)
+
+
+def locate(heard: Heard) -> Float[np.ndarray, "N 3"]:
+    """Return poses of the docks that are heard, in the frames of the robots."""
+    distance = np.maximum(heard.distance, 0.0) + REACH
+    axis = wrap(heard.bearing + np.pi - heard.departure)
+    return np.stack([distance * np.cos(heard.bearing), distance * np.sin(heard.bearing), axis], axis=-1)
+
+
+def recall(heard: Heard, pose: Float[np.ndarray, "N 3"]) -> Heard:
+    """Return what is heard, with distance, bearing and departure of the remembered dock where nothing is."""
+    bearing = np.arctan2(pose[:, 1], pose[:, 0])
+    distance = np.maximum(np.hypot(pose[:, 0], pose[:, 1]) - REACH, 0.0)
+    departure = wrap(bearing + np.pi - pose[:, 2])
+    return heard._replace(
+        distance=np.where(heard.is_heard, heard.distance, distance),
+        bearing=np.where(heard.is_heard, heard.bearing, bearing),
+        departure=np.where(heard.is_heard, heard.departure, departure),
+    )

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from symbrion_gym._src.swarm.behavior.dead_reckoning import REACH
-from symbrion_gym._src.swarm.behavior.memory import Mode
+from symbrion_gym._src.swarm.behavior.memory import REACH, Mode
 from symbrion_gym._src.swarm.behavior.percepts import FRONT, NOBODY
 from symbrion_gym._src.swarm.behavior.steering import (
     drive,

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from symbrion_gym._src.swarm.behavior.memory import PART, STAY, Memory, Mode, read_ticket
+from symbrion_gym._src.swarm.behavior.memory import PART, STAY, Memory, Mode, Plan, read_ticket
 from symbrion_gym._src.swarm.behavior.percepts import BACK, FRONT, NOBODY, Percepts
-from symbrion_gym._src.swarm.behavior.plan import Plan
 from symbrion_gym._src.swarm.behavior.steering import is_free_behind, read_sides
 from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights
 

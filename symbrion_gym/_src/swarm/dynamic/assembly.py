@@ -3,17 +3,101 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.robot.organism import Docking, Organism
 from symbrion_gym._src.robot.scout import make_scout
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.robot.tracks import find_driven_wheels
-from symbrion_gym._src.swarm.dynamic.layout import Layout, Tree
+from symbrion_gym._src.swarm.docks import find_groups, make_organism, sort_links
+from symbrion_gym._src.swarm.dynamic.motion import find_parts
+
+
+@dataclass(frozen=True)
+class OpenOrganism(Organism):
+    """An organism in which some arms move although nothing of it is docked to them.
+
+    Attributes:
+        open_arms: modules with such an arm.
+    """
+
+    open_arms: tuple[int, ...] = ()
+
+    @property
+    def hinges(self) -> tuple[int, ...]:
+        """Modules whose hinge works, in order."""
+        return tuple(sorted({*super().hinges, *self.open_arms}))
+
+
+class Tree(NamedTuple):
+    """Robots that are one tree of bodies in the model.
+
+    Attributes:
+        robots: which robot is which module.
+        organism: what they form; None for a lone Scout, whose arm is free.
+    """
+
+    robots: tuple[int, ...]
+    organism: Organism | None
+
+    @property
+    def is_organism(self) -> bool:
+        """Whether it is the very tree of an `Organism`: docked robots whose free arms are folded."""
+        return self.organism is not None and not isinstance(self.organism, OpenOrganism)
+
+    @property
+    def prefix(self) -> str:
+        """What the names of its parts begin with."""
+        return f"robot_{self.robots[0]}_"
+
+
+class Layout(NamedTuple):
+    """How a model holds the robots; hashable.
+
+    Attributes:
+        trees: every robot is in one of them.
+        welds: latched docks between different trees.
+    """
+
+    trees: tuple[Tree, ...]
+    welds: tuple[Docking, ...]
+
+
+@lru_cache(maxsize=256)
+def find_layout(
+    links: tuple[Docking, ...],
+    welds: tuple[Docking, ...],
+    open_arms: frozenset[int],
+    num_robots: int,
+    scout: ScoutConfig,
+) -> Layout:
+    """Return the layout in which all links but the welded ones are parts of trees."""
+    welds = sort_links(welds)
+    rigid = [link for link in links if link not in welds]
+    groups = find_groups(rigid, num_robots)
+    moving = set(open_arms) | {robot for link in welds for robot, side in link.ends if side == "front"}
+    trees = []
+    for first in np.unique(groups):
+        members = np.flatnonzero(groups == first).tolist()
+        if len(members) == 1:
+            trees.append(Tree((members[0],), None))
+            continue
+        inside = [link for link in rigid if link.first in members]
+        organism, order = make_organism(inside, members, scout)
+        arms = tuple(module for module, robot in enumerate(order) if robot in moving)
+        if arms:
+            organism = OpenOrganism(organism.num_modules, organism.dockings, scout, arms)
+        trees.append(Tree(order, organism))
+    return Layout(tuple(trees), welds)
+
 
 _WELD_SOLREF = (0.01, 1.0)
 """Time constant [s] and damping ratio of welds: twice the physics step, the stiffest that stays stable."""
@@ -156,3 +240,73 @@ def _find_owners(model: mujoco.MjModel, names: list[str]) -> Int[np.ndarray, " G
             if model.geom(geom).name.startswith(f"{name}_"):
                 owners[geom] = robot
     return owners
+
+
+def find_loads(
+    assembly: Assembly, data: mujoco.MjData, links: Sequence[Docking], scout: ScoutConfig
+) -> Float[np.ndarray, "N 4"]:
+    """Return the force through each dock [N] in the last physics step; 0 where nothing is latched.
+
+    For each docking the organism is cut there: mass times acceleration of the modules on one side, less gravity and
+    what the ground and other robots push, is what came through the dock. So it is the same for welds and for trees.
+    """
+    count = len(assembly.sites)
+    loads = np.zeros((count, 4))
+    if not links:
+        return loads
+    model = assembly.model
+    mujoco.mj_rnePostConstraint(model, data)
+    needed = _find_inertial(assembly, data, scout) - _find_pushes(assembly, data)
+    for link in links:
+        others = [each for each in links if each != link]
+        groups = find_groups(others, count)
+        force = needed[groups == groups[link.first]].sum(axis=0)
+        for robot, side in link.ends:
+            loads[robot, SIDES.index(side)] = np.linalg.norm(force)
+    return loads
+
+
+def _find_inertial(assembly: Assembly, data: mujoco.MjData, scout: ScoutConfig) -> Float[np.ndarray, "N 3"]:
+    """Return mass times (acceleration - gravity) of chassis and arm of each robot [N]."""
+    model = assembly.model
+    chassis, arm = find_parts(scout)
+    bodies = np.stack([model.site_bodyid[assembly.sites], assembly.arms], axis=1)
+    frame = data.site_xmat[assembly.sites].reshape(-1, 3, 3)
+    front = data.site_xpos[assembly.docks[:, 0]] - data.site_xpos[assembly.sites]
+    centers = np.stack([frame @ chassis.center, np.linalg.norm(arm.center) / scout.arm_reach * front], axis=1)
+    places = data.site_xpos[assembly.sites][:, None] + centers
+    lever = places - data.subtree_com[model.body_rootid[bodies]]
+    spin, turning = data.cvel[bodies][..., :3], data.cacc[bodies][..., :3]
+    velocity = data.cvel[bodies][..., 3:] + np.cross(spin, lever)
+    acceleration = data.cacc[bodies][..., 3:] + np.cross(turning, lever) + np.cross(spin, velocity)
+    return chassis.mass * acceleration[:, 0] + arm.mass * acceleration[:, 1]
+
+
+def _find_pushes(assembly: Assembly, data: mujoco.MjData) -> Float[np.ndarray, "N 3"]:
+    """Return the sum of contact forces and applied forces on each robot [N]."""
+    pushes = np.zeros((len(assembly.sites), 3))
+    owners, forces = find_contact_forces(assembly, data)
+    world = np.einsum("cji,cj->ci", data.contact.frame.reshape(-1, 3, 3), forces)
+    world[owners[:, 0] == owners[:, 1]] = 0.0
+    for side, sign in enumerate((-1.0, 1.0)):
+        is_robot = owners[:, side] >= 0
+        np.add.at(pushes, owners[is_robot, side], sign * world[is_robot])
+    for body in np.flatnonzero(data.xfrc_applied[:, :3].any(axis=1)):
+        on_body = assembly.owners[assembly.model.geom_bodyid == body]
+        pushes[on_body.max(initial=-1)] += data.xfrc_applied[body, :3]
+    return pushes
+
+
+def find_contact_forces(
+    assembly: Assembly, data: mujoco.MjData
+) -> tuple[Int[np.ndarray, "C 2"], Float[np.ndarray, "C 3"]]:
+    """Return the robots that each contact is between, -1 for the arena, and its force in its frame, normal first [N].
+
+    With elliptic cones, as all models here have, the solver's forces are these.
+    """
+    contacts = data.contact
+    rows = contacts.efc_address
+    forces = np.zeros((len(rows), 3))
+    is_active = rows >= 0
+    forces[is_active] = data.efc_force[rows[is_active, None] + np.arange(3)]
+    return assembly.owners[contacts.geom], forces

@@ -16,12 +16,26 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.robot.tracks import find_wheel_radius
 from symbrion_gym._src.swarm.docks import DockConfig, find_groups, find_matches, find_released, sort_links
-from symbrion_gym._src.swarm.dynamic.assembly import Assembler, Assembly
-from symbrion_gym._src.swarm.dynamic.layout import Layout, Tree, find_layout
-from symbrion_gym._src.swarm.dynamic.loads import find_loads
-from symbrion_gym._src.swarm.dynamic.mating import Mating, find_error, find_share, has_mated, write_weld
+from symbrion_gym._src.swarm.dynamic.assembly import (
+    Assembler,
+    Assembly,
+    Layout,
+    Tree,
+    find_layout,
+    find_loads,
+)
 from symbrion_gym._src.swarm.dynamic.motion import FOLDED, Motion, find_jump
-from symbrion_gym._src.swarm.dynamic.transfer import copy_tree, read_motion, refresh, write_motion
+from symbrion_gym._src.swarm.dynamic.transfer import (
+    Mating,
+    copy_tree,
+    find_error,
+    find_share,
+    has_mated,
+    read_motion,
+    refresh,
+    write_motion,
+    write_weld,
+)
 from symbrion_gym._src.swarm.placing import lay_robots
 from symbrion_gym._src.swarm.world import DECISION, SwarmCommands, SwarmState
 

@@ -16,9 +16,7 @@ from symbrion_gym._src.swarm.docks import (
     make_organism,
     sort_links,
 )
-from symbrion_gym._src.swarm.kinematic.collisions import find_overlaps, find_pairs, take
 from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
-from symbrion_gym._src.swarm.kinematic.ground import Ground, GroundFit
 from symbrion_gym._src.swarm.kinematic.motion import (
     FULL,
     STAY,
@@ -27,14 +25,24 @@ from symbrion_gym._src.swarm.kinematic.motion import (
     avoid_overlaps,
     choose_roots,
     find_layout,
+    find_overlaps,
+    find_pairs,
+    find_spins,
     hold_arms,
+    make_rotations,
     outline,
     place_members,
     select,
     spread_level,
+    take,
 )
-from symbrion_gym._src.swarm.kinematic.rotations import find_spins, make_rotations
-from symbrion_gym._src.swarm.kinematic.steering import find_twists
+from symbrion_gym._src.swarm.kinematic.skidding import (
+    Ground,
+    GroundFit,
+    find_skids,
+    find_track_points,
+    interpolate,
+)
 from symbrion_gym._src.swarm.sight import Sight
 from symbrion_gym._src.swarm.world import DECISION, SwarmCommands, SwarmState
 
@@ -42,6 +50,57 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
     from symbrion_gym._src.arenas.arena import Arena
+    from symbrion_gym._src.robot.scout_constants import ScoutConfig
+
+
+def find_twists(
+    tracks: Float[np.ndarray, "N 2"],
+    groups: Int[np.ndarray, " N"],
+    layout: Float[np.ndarray, "N 3"],
+    hinge: Float[np.ndarray, " N"],
+    pulls: Float[np.ndarray, "N 2"],
+    scout: ScoutConfig,
+) -> Float[np.ndarray, "N 3"]:
+    """Return the motion of the root of each robot's group: ahead [m/s], left [m/s], turn [rad/s].
+
+    Single robots turn as the balance of Coulomb friction says, and slide downhill as they do. A docked group is one
+    rigid body: of all its motions in the plane, that in which its tracks slip least (least squares).
+
+    References:
+        Wong and Chiang (2001), Proc. IMechE D 215, for single robots; Mandow et al. (2007), IROS, for groups.
+    """
+    single = interpolate(find_skids(scout), np.cos(hinge), pulls, tracks[:, 1] - tracks[:, 0])
+    single[:, 0] += (tracks[:, 0] + tracks[:, 1]) / 2
+    size = np.bincount(groups, minlength=len(groups))
+    if size.max(initial=0) <= 1:
+        return single
+    twists = _fit_twists(tracks, groups, layout, find_track_points(scout))
+    return np.where(size[groups, None] > 1, twists, single)
+
+
+def _fit_twists(
+    tracks: Float[np.ndarray, "N 2"],
+    groups: Int[np.ndarray, " N"],
+    layout: Float[np.ndarray, "N 3"],
+    points: Float[np.ndarray, "P 2"],
+) -> Float[np.ndarray, "N 3"]:
+    c, s = np.cos(layout[:, 2:]), np.sin(layout[:, 2:])
+    x = layout[:, :1] + c * points[:, 0] - s * points[:, 1]
+    y = layout[:, 1:2] + s * points[:, 0] + c * points[:, 1]
+    speed = tracks[:, np.where(points[:, 1] > 0, 0, 1)]
+    u, v = c * speed, s * speed
+
+    def average(values: Float[np.ndarray, "N P"]) -> Float[np.ndarray, "N 1"]:
+        total = np.bincount(groups, values.mean(axis=1), len(groups)) / np.maximum(
+            np.bincount(groups, minlength=len(groups)), 1
+        )
+        return total[groups, None]
+
+    center_x, center_y, mean_u, mean_v = (average(values) for values in (x, y, u, v))
+    x, y = x - center_x, y - center_y
+    turn = average(x * v - y * u) / average(x**2 + y**2)
+    return np.column_stack([mean_u + turn * center_y, mean_v - turn * center_x, turn])
+
 
 _LANDING_ROUNDS = 3
 """Fits of the ground when robots are placed: the foot of a robot moves as it tilts."""

@@ -9,8 +9,7 @@ import numpy as np
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.sight import Sight
-from symbrion_gym._src.swarm.signals.config import SignalConfig
-from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS, Light, find_light
+from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS, Light, SignalConfig, find_light
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int

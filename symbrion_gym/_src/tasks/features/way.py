@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from reconstruction._src.base.range_checks import check_positive
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.rectangles import find_smallest_rectangle
+from reconstruction._src.geometry.halfspaces import find_smallest_rectangle
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import OptionError, TaskError
 

@@ -10,8 +10,8 @@ from jaxtyping import Float, Int
 
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.randomization import Domain
+from symbrion_gym._src.warp.batch import list_columns
 from symbrion_gym._src.warp.device.state import Episode
-from symbrion_gym._src.warp.model_fields import list_columns
 
 _MOST_AT_ONCE = 32
 """Simulations of the host in which starts are laid down."""

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 from symbrion_gym._src.environment.randomization import split_options
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.warp.device.handover import convert, convert_all, take_actions
+from symbrion_gym._src.warp.device.run import convert, convert_all, take_actions
 from symbrion_gym._src.warp.device.vector_env import DeviceVectorEnv
 
 

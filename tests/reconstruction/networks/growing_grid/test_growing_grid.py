@@ -6,7 +6,6 @@ import trimesh
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.sampling import sample_area
-from reconstruction._src.networks.growing_grid.cover import open_pinches
 from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
 from reconstruction._src.networks.growing_grid.growth import (
     choose_line_pair,
@@ -15,7 +14,7 @@ from reconstruction._src.networks.growing_grid.growth import (
     score_gaps,
     start_grid,
 )
-from reconstruction._src.networks.growing_grid.mesh import find_folded, triangulate, unfold
+from reconstruction._src.networks.growing_grid.mesh import find_folded, open_pinches, triangulate, unfold
 from reconstruction._src.surfaces.quality import Quality, find_distances, measure_quality
 
 CONFIG = GrowingGridConfig(units=300)

@@ -6,8 +6,8 @@ from shapes import make_sheet, sample_mesh
 
 from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, train
 from reconstruction._src.networks.gsrm.paper import PaperMap, Rates, join_winners
-from reconstruction._src.networks.gsrm.paper_mesh import PaperMesh
 from reconstruction._src.networks.gsrm.paper_patching import (
+    PaperMesh,
     close_surface,
     drop_incorrect_faces,
     find_dihedral,

@@ -6,11 +6,14 @@ import trimesh
 from primitive_scenes import NOISE, make_box, make_column_room, make_noisy, make_sphere_on_plane
 
 from reconstruction import ReconstructionError
-from reconstruction._src.surfaces.primitives.config import PrimitivesConfig
-from reconstruction._src.surfaces.primitives.find import Primitives, find_primitives
-from reconstruction._src.surfaces.primitives.primitive import Primitive
+from reconstruction._src.surfaces.primitives.find import (
+    Primitives,
+    find_largest_rectangle,
+    find_primitives,
+    find_rectangles,
+)
+from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
 from reconstruction._src.surfaces.primitives.ransac import estimate_noise
-from reconstruction._src.surfaces.primitives.rectangles import find_largest_rectangle, find_rectangles
 
 FLAT = Primitive("plane", np.array([0.0, 0.0, -0.002]), np.eye(3), np.array([0.5, 0.3, 0.002]))
 

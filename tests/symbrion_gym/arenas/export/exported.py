@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from reconstruction._src.geometry.hulls import make_hull
+from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality

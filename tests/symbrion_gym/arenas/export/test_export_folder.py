@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from exported import make_field_arena, make_mixed_arena
 
-from symbrion_gym._src.arenas.export.export import FORMATS
-from symbrion_gym._src.arenas.export.saving import MANIFEST
+from symbrion_gym._src.arenas.export import export
+from symbrion_gym._src.arenas.export.export import FORMATS, MANIFEST
 from symbrion_gym._src.errors import ArenaError
 
 
@@ -141,11 +141,10 @@ def test_a_link_that_leads_elsewhere_is_refused(tmp_path):
 
 
 def test_a_kill_between_two_files_is_repaired_by_the_next_export(tmp_path, monkeypatch):
-    from symbrion_gym._src.arenas.export import saving
 
     arena = make_mixed_arena()
     arena.export(tmp_path, "urdf")
-    write, calls = saving._write, []
+    write, calls = export._write, []
 
     def write_three(path, content):
         if len(calls) == 3:
@@ -153,7 +152,7 @@ def test_a_kill_between_two_files_is_repaired_by_the_next_export(tmp_path, monke
         calls.append(path)
         write(path, content)
 
-    monkeypatch.setattr(saving, "_write", write_three)
+    monkeypatch.setattr(export, "_write", write_three)
     with pytest.raises(KeyboardInterrupt):
         arena.export(tmp_path, "mjcf")
     assert json.loads((tmp_path / MANIFEST).read_text())["complete"] is False

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction._src.geometry.hulls import make_hull
-from symbrion_gym._src.arenas.export.vertex_limit import FEWEST_VERTICES, limit_vertices
+from reconstruction._src.geometry.rows import make_hull
+from symbrion_gym._src.arenas.export.content import FEWEST_VERTICES, limit_vertices
 
 
 def make_cylinder(sides: int, radius: float, height: float) -> trimesh.Trimesh:

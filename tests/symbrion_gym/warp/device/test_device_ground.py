@@ -6,7 +6,7 @@ import pytest
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.warp.device.ground import DeviceGround
+from symbrion_gym._src.warp.device.state import DeviceGround
 
 
 @pytest.mark.parametrize("arena", ["truth", "gsrm"])

@@ -14,7 +14,7 @@ import symbrion_gym as sg
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.tasks.host_arrays import HostArrays
+from symbrion_gym._src.tasks.scene import HostArrays
 from symbrion_gym._src.warp.device.state import DeviceState
 
 SENSES = ("pitch", "goal", "goal_direction")
