@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.reconstruct import reconstruct
-from reconstruction._src.resolution import ResolutionConfig, choose_units
+from reconstruction._src.resolution import choose_units
 
 
 def make_floor(number: int, seed: int = 0) -> np.ndarray:
@@ -34,12 +33,6 @@ def test_an_uneven_cloud_has_more_and_the_scale_does_not_matter():
     assert choose_units(1000 * points) == pytest.approx(number, rel=1e-3)
 
 
-def test_a_part_of_a_large_cloud_is_enough_to_judge_it():
-    points = make_scan(40_000)
-    config = ResolutionConfig(sample_size=10_000)
-    assert choose_units(points, config) == pytest.approx(choose_units(points), rel=0.15)
-
-
 def test_the_number_is_chosen_where_none_is_given_and_noted():
     points = make_floor(3000)
     result = reconstruct(points)
@@ -48,8 +41,3 @@ def test_the_number_is_chosen_where_none_is_given_and_noted():
     assert "units" not in reconstruct(points, units=100).notes
     assert reconstruct(points, "gg").config.units == 500
     assert "units" not in reconstruct(points, "gg", triangles=60).notes
-
-
-def test_limits_that_are_none_are_refused():
-    with pytest.raises(ReconstructionError, match="fewest must be above 0"):
-        ResolutionConfig(fewest=0)

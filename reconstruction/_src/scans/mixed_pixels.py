@@ -7,7 +7,6 @@ References:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.rows import find_lengths, sum_rows
 from reconstruction._src.scans.scan import ScanLog
 
@@ -68,84 +66,52 @@ _SAME_SPACING = 1.01
 """Spacings that differ by less are the same: angles come with rounding errors."""
 
 
-@dataclass(frozen=True)
-class MixedPixelsConfig:
-    """Which readings count as mixed (`find_mixed_beams`).
-
-    Attributes:
-        step: two steps of more than this [m], of the same sign, make a veil point. 10 cm is nine times the largest
-            noise of the scanner (10.7 mm at 3 to 6 m).
-        step_spacing: beams at most this far apart [rad] have steps of `step`; for coarser scanners the step grows
-            in proportion, as a surface at an angle does (`find_step`). Half a degree is the SICK LMS 200.
-        jump: height of the lowest edge, at range 0 [m]: several times the noise of a step.
-        jump_per_meter: growth of that height with the range. 0.003 finds a ledge of 4 cm at 3 m.
-        max_share: largest share of the valid readings that may go because of jumps and clutter; veil points go in
-            any case. 0 leaves the veil points alone.
-        max_edge_noise: noise of the readings [m] up to which `jump` and `jump_per_meter` apply; they grow in
-            proportion with noise beyond it.
-        max_noise_factor: the most that they grow.
-        noise_stride: the noise is estimated from every n-th scan: a sample is enough, and n times as fast.
-        clutter_window: beams of the window in which mixed readings are counted.
-        clutter_count: a window with this many mixed readings is clutter, its middle counts as mixed: two jumps
-            (four readings) within nine beams are an edge along the scan plane.
-        clutter_height: what a reading in clutter counts [m], compared with the heights of jumps, where `max_share`
-            leaves room for some only: less than any jump.
-        max_gap: a mixed reading stays where no other is left within this [m], and it lies with its neighbors on a
-            surface (`find_needed_beams`): walls far away, or at a low angle, step as edges do. As `step`: what is
-            read less densely has such steps on any slanted surface.
-        flat_neighbors: neighbors that show whether it lies on one.
-        flatness: their least variance over the largest, below which they do; noise of 2 cm at gaps of 10 cm gives 0.05.
-        min_cosine: least cosine between the beam and the normal of that plane. A veil along a straight edge lies in
-            the beams: 0. 0.05 are 3 degrees, a floor 1 m below the sensor 20 m away.
-        max_loneliness: and they are as far from one another as it is from them, up to this factor.
-    """
-
-    step: float = 0.10
-    step_spacing: float = float(np.radians(0.5))
-    jump: float = 0.03
-    jump_per_meter: float = 0.003
-    max_share: float = 0.02
-    max_edge_noise: float = 0.008
-    max_noise_factor: float = 3.0
-    noise_stride: int = 8
-    clutter_window: int = 9
-    clutter_count: int = 4
-    clutter_height: float = 1e-3
-    max_gap: float = 0.10
-    flat_neighbors: int = 10
-    flatness: float = 0.1
-    min_cosine: float = 0.05
-    max_loneliness: float = 1.5
-
-    def __post_init__(self) -> None:
-        for name in (
-            "step",
-            "step_spacing",
-            "max_edge_noise",
-            "clutter_height",
-            "max_gap",
-            "flatness",
-            "min_cosine",
-            "max_loneliness",
-        ):
-            if not getattr(self, name) > 0:
-                raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
-        for name in ("jump", "jump_per_meter"):
-            if not getattr(self, name) >= 0:
-                raise ScanError(f"{name} must not be negative, got {getattr(self, name)}")
-        if not 0 <= self.max_share <= 1:
-            raise ScanError(f"max_share must be from 0 to 1, got {self.max_share}")
-        if not self.max_noise_factor >= 1:
-            raise ScanError(f"max_noise_factor must be 1 or more, got {self.max_noise_factor}")
-        for name in ("noise_stride", "clutter_window", "clutter_count", "flat_neighbors"):
-            if getattr(self, name) < 1:
-                raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
+_STEP = 0.10
+"""Two steps of more than this [m], of the same sign, make a veil point. 10 cm is nine times the largest noise
+of the scanner (10.7 mm at 3 to 6 m)."""
+_STEP_SPACING = float(np.radians(0.5))
+"""Beams at most this far apart [rad] have steps of `step`; for coarser scanners the step grows in proportion,
+as a surface at an angle does (`find_step`). Half a degree is the SICK LMS 200."""
+_JUMP = 0.03
+"""Height of the lowest edge, at range 0 [m]: several times the noise of a step."""
+_JUMP_PER_METER = 0.003
+"""Growth of that height with the range. 0.003 finds a ledge of 4 cm at 3 m."""
+_MAX_SHARE = 0.02
+"""Largest share of the valid readings that may go because of jumps and clutter; veil points go in any case. 0
+leaves the veil points alone."""
+_MAX_EDGE_NOISE = 0.008
+"""Noise of the readings [m] up to which `jump` and `jump_per_meter` apply; they grow in proportion with noise
+beyond it."""
+_MAX_NOISE_FACTOR = 3.0
+"""The most that they grow."""
+_NOISE_STRIDE = 8
+"""The noise is estimated from every n-th scan: a sample is enough, and n times as fast."""
+_CLUTTER_WINDOW = 9
+"""Beams of the window in which mixed readings are counted."""
+_CLUTTER_COUNT = 4
+"""A window with this many mixed readings is clutter, its middle counts as mixed: two jumps (four readings)
+within nine beams are an edge along the scan plane."""
+_CLUTTER_HEIGHT = 1e-3
+"""What a reading in clutter counts [m], compared with the heights of jumps, where `max_share` leaves room for
+some only: less than any jump."""
+_MAX_GAP = 0.10
+"""A mixed reading stays where no other is left within this [m], and it lies with its neighbors on a surface
+(`find_needed_beams`): walls far away, or at a low angle, step as edges do. As `step`: what is read less densely
+has such steps on any slanted surface."""
+_FLAT_NEIGHBORS = 10
+"""Neighbors that show whether it lies on one."""
+_FLATNESS = 0.1
+"""Their least variance over the largest, below which they do; noise of 2 cm at gaps of 10 cm gives 0.05."""
+_MIN_COSINE = 0.05
+"""Least cosine between the beam and the normal of that plane. A veil along a straight edge lies in the beams:
+0. 0.05 are 3 degrees, a floor 1 m below the sensor 20 m away."""
+_MAX_LONELINESS = 1.5
+"""And they are as far from one another as it is from them, up to this factor."""
 
 
 def find_mixed_beams(
     ranges: Float[np.ndarray, "S B"],
     angles: Float[np.ndarray, " B"] | None = None,
-    config: MixedPixelsConfig | None = None,
 ) -> Bool[np.ndarray, "S B"]:
     """Find the beams that may have met an edge.
 
@@ -161,38 +127,34 @@ def find_mixed_beams(
     In a cluttered scene 2 and 3 would cost a tenth of the beams: those with the highest jumps go, at most
     `max_share` of all valid beams.
     """
-    config = config or MixedPixelsConfig()
-    step = config.step if angles is None else find_step(angles, config)
+    step = _STEP if angles is None else find_step(angles)
     bridged = _bridge_gaps(ranges)
     difference = np.diff(bridged, axis=1)
     is_valid = np.isfinite(ranges)
     is_veil = np.zeros(ranges.shape, bool)
     rising, falling = difference > step, difference < -step
     is_veil[:, 1:-1] = (rising[:, 1:] & rising[:, :-1]) | (falling[:, 1:] & falling[:, :-1])
-    height = _find_jump_heights(ranges, bridged, difference, config)
+    height = _find_jump_heights(ranges, bridged, difference)
     around = uniform_filter1d(
-        (is_veil | (height > 0)).astype(np.float32), config.clutter_window, axis=1, mode="constant"
+        (is_veil | (height > 0)).astype(np.float32), _CLUTTER_WINDOW, axis=1, mode="constant"
     )
-    is_cluttered = around > (config.clutter_count - 0.5) / config.clutter_window
-    height[is_cluttered & (height == 0)] = config.clutter_height
+    is_cluttered = around > (_CLUTTER_COUNT - 0.5) / _CLUTTER_WINDOW
+    height[is_cluttered & (height == 0)] = _CLUTTER_HEIGHT
     height[is_veil | ~is_valid] = 0.0
-    max_count = int(config.max_share * np.count_nonzero(is_valid))
+    max_count = int(_MAX_SHARE * np.count_nonzero(is_valid))
     if np.count_nonzero(height) > max_count:
         place = height.size - max_count - 1
         height[height <= np.partition(height, place, axis=None)[place]] = 0.0
     return (is_veil | (height > 0)) & is_valid
 
 
-def find_needed_beams(
-    log: ScanLog, is_mixed: Bool[np.ndarray, "S B"], config: MixedPixelsConfig | None = None
-) -> Bool[np.ndarray, "S B"]:
+def find_needed_beams(log: ScanLog, is_mixed: Bool[np.ndarray, "S B"]) -> Bool[np.ndarray, "S B"]:
     """Return which mixed readings stay: without them a sparsely read surface would have a hole.
 
     A far wall, or one at a low angle, has steps between neighboring beams that look like veil points in a single
     scan. In space its readings lie on a plane, among others as far apart; those of a veil do not, or the plane
     contains the beam.
     """
-    config = config or MixedPixelsConfig()
     is_needed = np.zeros(is_mixed.shape, bool)
     points, place = log.points(), np.flatnonzero(log.is_valid)
     is_dropped = is_mixed[log.is_valid]
@@ -200,11 +162,11 @@ def find_needed_beams(
     if not len(chosen) or is_dropped.all():
         return is_needed
     gap, _ = cKDTree(points[~is_dropped]).query(points[chosen])
-    chosen = chosen[gap > config.max_gap]
-    found = find_flat(points, chosen, config.flat_neighbors, config.flatness, config.max_loneliness)
+    chosen = chosen[gap > _MAX_GAP]
+    found = find_flat(points, chosen, _FLAT_NEIGHBORS, _FLATNESS, _MAX_LONELINESS)
     ray = points[chosen] - log.poses[place[chosen] // is_mixed.shape[1], :3, 3]
     cosine = np.abs(sum_rows(found.normals * ray)) / np.maximum(find_lengths(ray), 1e-300)
-    is_needed.ravel()[place[chosen[found.is_flat & (cosine > config.min_cosine)]]] = True
+    is_needed.ravel()[place[chosen[found.is_flat & (cosine > _MIN_COSINE)]]] = True
     return is_needed
 
 
@@ -212,12 +174,11 @@ def _find_jump_heights(
     ranges: Float[np.ndarray, "S B"],
     bridged: Float[np.ndarray, "S B"],
     difference: Float[np.ndarray, "S B-1"],
-    config: MixedPixelsConfig,
 ) -> Float[np.ndarray, "S B"]:
     """Sum the heights of the jumps on both sides of every beam [m]; 0: none."""
-    noise = find_noise(ranges, config.noise_stride)
-    factor = float(np.clip(noise / config.max_edge_noise, 1.0, config.max_noise_factor))
-    is_jump = find_jumps(bridged, factor * config.jump, factor * config.jump_per_meter)
+    noise = find_noise(ranges, _NOISE_STRIDE)
+    factor = float(np.clip(noise / _MAX_EDGE_NOISE, 1.0, _MAX_NOISE_FACTOR))
+    is_jump = find_jumps(bridged, factor * _JUMP, factor * _JUMP_PER_METER)
     step_height = np.where(is_jump, np.abs(difference), 0.0)
     height = np.zeros(ranges.shape)
     height[:, 1:] += step_height
@@ -225,12 +186,11 @@ def _find_jump_heights(
     return height
 
 
-def find_step(angles: Float[np.ndarray, " B"], config: MixedPixelsConfig | None = None) -> float:
+def find_step(angles: Float[np.ndarray, " B"]) -> float:
     """Return the step that makes a veil point [m]: it grows where beams are farther apart than `step_spacing`."""
-    config = config or MixedPixelsConfig()
-    spacing = float(np.median(np.abs(np.diff(angles)))) if len(angles) > 1 else config.step_spacing
-    is_coarse = spacing > _SAME_SPACING * config.step_spacing
-    return config.step * spacing / config.step_spacing if is_coarse else config.step
+    spacing = float(np.median(np.abs(np.diff(angles)))) if len(angles) > 1 else _STEP_SPACING
+    is_coarse = spacing > _SAME_SPACING * _STEP_SPACING
+    return _STEP * spacing / _STEP_SPACING if is_coarse else _STEP
 
 
 def find_noise(ranges: Float[np.ndarray, "S B"], stride: int = 8) -> float:

@@ -16,7 +16,7 @@ from reconstruction._src.scans.cells import SparsePointsConfig, as_points, crop,
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import make_log_cloud
 from reconstruction._src.scans.leveling import LevelingConfig, find_declination, level_floor
-from reconstruction._src.scans.mixed_pixels import MixedPixelsConfig, find_mixed_beams, find_needed_beams
+from reconstruction._src.scans.mixed_pixels import find_mixed_beams, find_needed_beams
 from reconstruction._src.scans.scan import ScanLog
 from reconstruction._src.scans.selection import crop as crop_cloud
 from reconstruction._src.scans.smoothing import SmoothingConfig, smooth_ranges
@@ -48,7 +48,6 @@ class PreprocessConfig:
     """
 
     leveling: LevelingConfig = field(default_factory=LevelingConfig)
-    mixed_pixels: MixedPixelsConfig = field(default_factory=MixedPixelsConfig)
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
     sparse_readings: SparsePointsConfig = field(
         default_factory=lambda: SparsePointsConfig(threshold=2, max_share=0.005, flatness=0.0)
@@ -138,9 +137,9 @@ def clean_log(
     progress("leveling", 0.0)
     log = level_floor(log, config=config.leveling)
     progress("filtering", 0.3)
-    is_mixed = find_mixed_beams(log.ranges, log.angles, config.mixed_pixels)
+    is_mixed = find_mixed_beams(log.ranges, log.angles)
     if keep_sparse:
-        is_mixed &= ~find_needed_beams(log, is_mixed, config.mixed_pixels)
+        is_mixed &= ~find_needed_beams(log, is_mixed)
     progress("smoothing", 0.6)
     log = log.replace(ranges=np.where(is_mixed, np.nan, log.ranges))
     return smooth_ranges(log, across_jumps=across_jumps, config=config.smoothing)
@@ -168,7 +167,7 @@ def remove_mixed_pixels(
     if not isinstance(scans, ScanLog):
         points = as_points(scans)
         return points[~find_sparse_points(points, config.sparse_points)]
-    is_mixed = find_mixed_beams(scans.ranges, scans.angles, config.mixed_pixels)
+    is_mixed = find_mixed_beams(scans.ranges, scans.angles)
     ranges = np.where(is_mixed, np.nan, scans.ranges)
     log = scans.replace(ranges=ranges)
     is_sparse = find_sparse_points(log.points(), config.sparse_readings)

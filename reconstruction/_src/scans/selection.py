@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import overload
 
 import numpy as np
@@ -14,37 +13,21 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import cells
 from reconstruction._src.scans.cloud import Cloud
 
-
-@dataclass(frozen=True)
-class CropConfig:
-    """Which points `find_crop_box` leaves outside: a few, far from the others.
-
-    Attributes:
-        num_cells: most cells along the longest side of the cloud. 32: parts of a scan that are apart by more than
-            about a thirtieth of it count as separate; more cells tear what a scanner sees only sparsely.
-        points_per_cell: where points share their cell with fewer than this in the mean, cells are made larger:
-            smaller ones would be empty by chance.
-        min_points: points of an occupied cell; fewer are a stray reading, or a glimpse through a window.
-        min_share: parts with at least this share of the points are kept.
-        refine_below: where the rest is shorter than this share of the cloud, the cells were too large for it, and
-            the search is repeated inside. 1/8 is four cells of 32.
-        max_steps: most repetitions; each divides the size by 8 at least.
-    """
-
-    num_cells: int = 32
-    points_per_cell: int = 12
-    min_points: int = 3
-    min_share: float = 0.05
-    refine_below: float = 0.125
-    max_steps: int = 12
-
-    def __post_init__(self) -> None:
-        for name in ("num_cells", "points_per_cell", "min_points", "max_steps"):
-            if getattr(self, name) < 1:
-                raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
-        for name in ("min_share", "refine_below"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ScanError(f"{name} must be from 0 to 1, got {getattr(self, name)}")
+_NUM_CELLS = 32
+"""Most cells along the longest side of the cloud. 32: parts of a scan that are apart by more than about a
+thirtieth of it count as separate; more cells tear what a scanner sees only sparsely."""
+_POINTS_PER_CELL = 12
+"""Where points share their cell with fewer than this in the mean, cells are made larger: smaller ones would be
+empty by chance."""
+_MIN_POINTS = 3
+"""Points of an occupied cell; fewer are a stray reading, or a glimpse through a window."""
+_MIN_SHARE = 0.05
+"""Parts with at least this share of the points are kept."""
+_REFINE_BELOW = 0.125
+"""Where the rest is shorter than this share of the cloud, the cells were too large for it, and the search is
+repeated inside. 1/8 is four cells of 32."""
+_MAX_STEPS = 12
+"""Most repetitions; each divides the size by 8 at least."""
 
 
 @overload
@@ -100,7 +83,7 @@ def thin(points: Cloud | ArrayLike, voxel: float) -> Cloud | np.ndarray:
     )
 
 
-def find_crop_box(points: ArrayLike | Cloud, config: CropConfig | None = None) -> Float[np.ndarray, "2 3"]:
+def find_crop_box(points: ArrayLike | Cloud) -> Float[np.ndarray, "2 3"]:
     """Return a box without the few points that are far from all others [m]: `[[lowest], [highest]]`.
 
     Space is divided into cells; occupied cells that touch form parts. The box holds the parts with a share of the
@@ -113,42 +96,41 @@ def find_crop_box(points: ArrayLike | Cloud, config: CropConfig | None = None) -
     Raises:
         ScanError: the points have another shape, or there are none.
     """
-    config = config or CropConfig()
     array = cells.as_points(points.points if isinstance(points, Cloud) else points)
     if not len(array):
         raise ScanError("there are no points to crop to")
     inside = array
-    for _ in range(config.max_steps):
+    for _ in range(_MAX_STEPS):
         extent = float(np.ptp(inside, axis=0).max())
         if not extent:
             break
-        is_chosen, cell = _find_large_parts(inside, extent, config)
+        is_chosen, cell = _find_large_parts(inside, extent)
         chosen = inside[is_chosen]
         if not len(chosen):
             break
         low, high = chosen.min(axis=0) - cell, chosen.max(axis=0) + cell
         inside = inside[_find_inside(inside, low, high)]
-        if np.ptp(inside, axis=0).max() >= config.refine_below * extent:
+        if np.ptp(inside, axis=0).max() >= _REFINE_BELOW * extent:
             break
     return np.stack([inside.min(axis=0), inside.max(axis=0)])
 
 
 def _find_large_parts(
-    points: Float[np.ndarray, "N 3"], extent: float, config: CropConfig
+    points: Float[np.ndarray, "N 3"], extent: float
 ) -> tuple[Bool[np.ndarray, " N"], float]:
     """Return which points lie in parts of touching cells that hold a share of all points, and the cells' edge."""
     from scipy import ndimage
 
-    num_cells = config.num_cells
+    num_cells = _NUM_CELLS
     counts, place = _count(points, extent, num_cells)
-    while num_cells > 1 and counts[place].mean() < config.points_per_cell:
+    while num_cells > 1 and counts[place].mean() < _POINTS_PER_CELL:
         num_cells //= 2
         counts, place = _count(points, extent, num_cells)
-    parts, _ = ndimage.label(counts >= config.min_points, np.ones((3, 3, 3)))  # type: ignore[misc]
+    parts, _ = ndimage.label(counts >= _MIN_POINTS, np.ones((3, 3, 3)))  # type: ignore[misc]
     part = np.asarray(parts)[place]
     sizes = np.bincount(part)
     sizes[0] = 0
-    large = np.flatnonzero(sizes >= max(config.min_share * len(points), 1))
+    large = np.flatnonzero(sizes >= max(_MIN_SHARE * len(points), 1))
     return np.isin(part, large), extent / num_cells
 
 

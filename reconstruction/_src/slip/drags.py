@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from reconstruction._src.base.errors import ReconstructionError, ScanError
-from reconstruction._src.base.range_checks import check_not_negative, check_positive
+from reconstruction._src.base.range_checks import check_not_negative
 from reconstruction._src.slip.readings import SlipReadings
 
 _ROUNDING = 1e-6
@@ -57,36 +57,21 @@ class SlipPriors:
         check_not_negative(self, ("gain", "load_bias", "pull_bias", "tilt", "noise"), ScanError)
 
 
-@dataclass(frozen=True)
-class DragConfig:
-    """Which readings count as drags.
-
-    Attributes:
-        least_slip: slip from which tracks hold with all that friction gives [m/s]; below it the force rises with slip.
-        settling: what of a drag is left out at its beginning, as the body still swings [s].
-        window: each reading of friction is a mean over this; longer ones are less noisy and know less of where [s].
-        bend: a pitch that changes by more from before a drag to after it: the robot bridges a knick, and some of its
-            tracks are in the air [rad].
-        least_load: the ground carries less than this share of the weight: the module is held up by the others.
-        most_load: and more than this: it carries others.
-        pair_distance: drags in opposite directions closer than this are on the same ground [m].
-
-    Raises:
-        ScanError: a number is not above 0.
-    """
-
-    least_slip: float = 0.10
-    settling: float = 0.16
-    window: float = 0.16
-    bend: float = 0.03
-    least_load: float = 0.5
-    most_load: float = 1.6
-    pair_distance: float = 0.2
-
-    def __post_init__(self) -> None:
-        names = ("least_slip", "window", "bend", "least_load", "most_load", "pair_distance")
-        check_positive(self, names, ScanError)
-        check_not_negative(self, ("settling",), ScanError)
+_LEAST_SLIP = 0.10
+"""Slip from which tracks hold with all that friction gives [m/s]; below it the force rises with slip."""
+_SETTLING = 0.16
+"""What of a drag is left out at its beginning, as the body still swings [s]."""
+_WINDOW = 0.16
+"""Each reading of friction is a mean over this; longer ones are less noisy and know less of where [s]."""
+_BEND = 0.03
+"""A pitch that changes by more from before a drag to after it: the robot bridges a knick, and some of its
+tracks are in the air [rad]."""
+_LEAST_LOAD = 0.5
+"""The ground carries less than this share of the weight: the module is held up by the others."""
+_MOST_LOAD = 1.6
+"""And more than this: it carries others."""
+_PAIR_DISTANCE = 0.2
+"""Drags in opposite directions closer than this are on the same ground [m]."""
 
 
 class FrictionReadings(NamedTuple):
@@ -117,16 +102,14 @@ class _Drags(NamedTuple):
     loads: Float[np.ndarray, " D"]
 
 
-def find_friction(
-    readings: SlipReadings, priors: SlipPriors | None = None, config: DragConfig | None = None
-) -> FrictionReadings:
+def find_friction(readings: SlipReadings, priors: SlipPriors | None = None) -> FrictionReadings:
     """Return the friction at every place where tracks slipped."""
-    priors, config = priors or SlipPriors(), config or DragConfig()
-    drags = _find_drags(readings, config)
+    priors = priors or SlipPriors()
+    drags = _find_drags(readings)
     if not len(drags.runs):
         nothing = np.zeros(0)
         return FrictionReadings(np.zeros((0, 3)), nothing, nothing, nothing, np.zeros(0, dtype=np.int64))
-    bias, bias_error = _find_pull_bias(drags, priors, config)
+    bias, bias_error = _find_pull_bias(drags, priors)
     frictions = np.maximum(drags.signs * (drags.pulls - bias) / drags.loads, 0.0)
     load = np.median(drags.loads)
     shared = np.hypot(frictions * np.hypot(priors.gain, priors.load_bias / load), priors.tilt)
@@ -134,14 +117,14 @@ def find_friction(
     return FrictionReadings(drags.places, frictions, np.hypot(sigmas, bias_error / load), shared, drags.runs)
 
 
-def _find_drags(readings: SlipReadings, config: DragConfig) -> _Drags:
+def _find_drags(readings: SlipReadings) -> _Drags:
     """Return the drags that count."""
     starts = np.r_[True, (np.diff(readings.commanded) != 0.0) | (np.diff(readings.runs) != 0)]
     parts = np.split(np.arange(len(readings)), np.flatnonzero(starts)[1:])
     rows = []
     for before, part, after in zip([None, *parts], parts, [*parts[1:], None], strict=False):
-        if len(part) and _is_even(readings, part, before, after, config):
-            rows += _measure(readings, part, config)
+        if len(part) and _is_even(readings, part, before, after):
+            rows += _measure(readings, part)
     if not rows:
         return _Drags(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
     return _Drags(*(np.array(column) for column in zip(*rows, strict=True)))
@@ -152,35 +135,32 @@ def _is_even(
     part: Int[np.ndarray, " P"],
     before: Int[np.ndarray, " B"] | None,
     after: Int[np.ndarray, " A"] | None,
-    config: DragConfig,
 ) -> bool:
     """Return whether the pitch is the same before, during and after a drag."""
     pitch = readings.pitches[part]
     for other in (before, after):
         if other is not None and readings.runs[other[0]] == readings.runs[part[0]]:
             half = other[len(other) // 2 :] if other is before else other[: len(other) // 2 + 1]
-            if abs(readings.pitches[half].mean() - pitch.mean()) > config.bend:
+            if abs(readings.pitches[half].mean() - pitch.mean()) > _BEND:
                 return False
-    return bool(np.ptp(pitch) <= 2 * config.bend)
+    return bool(np.ptp(pitch) <= 2 * _BEND)
 
 
 def _measure(
-    readings: SlipReadings, part: Int[np.ndarray, " P"], config: DragConfig
+    readings: SlipReadings, part: Int[np.ndarray, " P"]
 ) -> list[tuple[Float[np.ndarray, " 3"], int, float, float, float]]:
     """Return place, run, sign, pull and load of every window of a drag that tells something."""
-    times = readings.times[part] - readings.times[part[0]] - config.settling
-    numbers = np.floor(times / config.window + _ROUNDING).astype(np.int64)
-    whole = np.flatnonzero(
-        np.bincount(numbers[numbers >= 0]) * _find_tick(readings) >= config.window - _ROUNDING
-    )
+    times = readings.times[part] - readings.times[part[0]] - _SETTLING
+    numbers = np.floor(times / _WINDOW + _ROUNDING).astype(np.int64)
+    whole = np.flatnonzero(np.bincount(numbers[numbers >= 0]) * _find_tick(readings) >= _WINDOW - _ROUNDING)
     rows = []
     for window in (part[numbers == number] for number in whole):
         slip = float(readings.commanded[window[0]]) - _find_speed(readings, window)
         specific, dock = (array[window].mean(axis=0) for array in (readings.accelerations, readings.forces))
         pull, _, load = readings.mass * specific - dock
         weight = readings.mass * float(np.linalg.norm(specific))
-        carries = config.least_load * weight < load < config.most_load * weight
-        if abs(slip) >= config.least_slip and carries:
+        carries = _LEAST_LOAD * weight < load < _MOST_LOAD * weight
+        if abs(slip) >= _LEAST_SLIP and carries:
             place = readings.positions[window].mean(axis=0)
             rows.append(
                 (place, int(readings.runs[window[0]]), float(np.sign(slip)), float(pull), float(load))
@@ -203,14 +183,14 @@ def _find_speed(readings: SlipReadings, part: Int[np.ndarray, " P"]) -> float:
     )
 
 
-def _find_pull_bias(drags: _Drags, priors: SlipPriors, config: DragConfig) -> tuple[float, float]:
+def _find_pull_bias(drags: _Drags, priors: SlipPriors) -> tuple[float, float]:
     """Return the offset of the pull and its standard deviation [N].
 
     Two drags in opposite directions on the same ground: ``T_1 - b = mu N_1``, ``T_2 - b = -mu N_2``.
     """
     first = np.flatnonzero((drags.signs[1:] != drags.signs[:-1]) & (drags.runs[1:] == drags.runs[:-1]))
     apart = np.linalg.norm(drags.places[first + 1] - drags.places[first], axis=1)
-    first = first[apart < config.pair_distance]
+    first = first[apart < _PAIR_DISTANCE]
     if not len(first):
         return 0.0, priors.pull_bias
     one, other = 1 / drags.loads[first], 1 / drags.loads[first + 1]

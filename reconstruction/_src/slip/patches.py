@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.errors import ScanError
-from reconstruction._src.base.range_checks import check_counts, check_positive
 from reconstruction._src.slip.drags import FrictionReadings
 from reconstruction._src.slip.readings import find_segments
 
@@ -20,40 +17,24 @@ _LEAST_SIGMA = 1e-3
 """Standard deviations below this are rounding."""
 
 
-@dataclass(frozen=True)
-class FrictionPatchConfig:
-    """How friction by place becomes patches.
-
-    Attributes:
-        penalty: cost of one more change along the way, in squared standard deviations: 16 takes one for a change of
-            4 standard deviations, which chance shows once in 16,000 readings.
-        least_readings: stretches of fewer are left out.
-        border: readings closer to a change are left out: the module, which touches the ground over 65 mm, may have
-            stood on both sides [m].
-        same: stretches whose frictions differ by less, or by less than `certainty` standard deviations, are one patch.
-        certainty: see `same`.
-        reach: ground up to this far from a reading is of its patch [m]; what is farther away is of the largest patch.
-        cell: sides of patches are multiples of this [m].
-        least_area: rectangles of less at the rim of a patch are left out: nobody knows borders to a centimeter [m²].
-
-    Raises:
-        ScanError: a number is not above 0.
-    """
-
-    penalty: float = 16.0
-    least_readings: int = 2
-    border: float = 0.06
-    same: float = 0.03
-    certainty: float = 3.0
-    reach: float = 0.3
-    cell: float = 0.05
-    least_area: float = 0.05
-
-    def __post_init__(self) -> None:
-        check_positive(
-            self, ("penalty", "border", "same", "certainty", "reach", "cell", "least_area"), ScanError
-        )
-        check_counts(self, ("least_readings",), ScanError)
+_PENALTY = 16.0
+"""Cost of one more change along the way, in squared standard deviations: 16 takes one for a change of 4
+standard deviations, which chance shows once in 16,000 readings."""
+_LEAST_READINGS = 2
+"""Stretches of fewer are left out."""
+_BORDER = 0.06
+"""Readings closer to a change are left out: the module, which touches the ground over 65 mm, may have stood on
+both sides [m]."""
+_SAME = 0.03
+"""Stretches whose frictions differ by less, or by less than `certainty` standard deviations, are one patch."""
+_CERTAINTY = 3.0
+"""See `same`."""
+_REACH = 0.3
+"""Ground up to this far from a reading is of its patch [m]; what is farther away is of the largest patch."""
+_CELL = 0.05
+"""Sides of patches are multiples of this [m]."""
+_LEAST_AREA = 0.05
+"""Rectangles of less at the rim of a patch are left out: nobody knows borders to a centimeter [m²]."""
 
 
 class EstimatedPatch(NamedTuple):
@@ -86,22 +67,19 @@ class FrictionEstimate(NamedTuple):
     patch_of: Int[np.ndarray, " D"]
 
 
-def find_friction_patches(
-    readings: FrictionReadings, config: FrictionPatchConfig | None = None
-) -> FrictionEstimate | None:
+def find_friction_patches(readings: FrictionReadings) -> FrictionEstimate | None:
     """Group friction by place into patches of one friction each.
 
     Along every run, changes are found first; stretches of equal friction, wherever they are, are one patch then. The
     interval of a patch holds the scatter of its readings and the error that they share.
     """
-    config = config or FrictionPatchConfig()
-    patch_of = _join(readings, _find_stretches(readings, config), config)
+    patch_of = _join(readings, _find_stretches(readings))
     counts = np.bincount(patch_of[patch_of >= 0]) if (patch_of >= 0).any() else np.zeros(0, dtype=np.int64)
     if not len(counts):
         return None
     order = np.argsort(-counts, kind="stable")
     patch_of = np.where(patch_of >= 0, np.argsort(order)[patch_of], -1)
-    cells = _find_cells(readings.places[:, :2], patch_of, config)
+    cells = _find_cells(readings.places[:, :2], patch_of)
     patches = [
         EstimatedPatch(*_summarize(readings, patch_of == number), cells[number], int(counts[order[number]]))
         for number in range(len(order))
@@ -109,20 +87,20 @@ def find_friction_patches(
     return FrictionEstimate(tuple(patches), readings, patch_of)
 
 
-def _find_stretches(readings: FrictionReadings, config: FrictionPatchConfig) -> Int[np.ndarray, " D"]:
+def _find_stretches(readings: FrictionReadings) -> Int[np.ndarray, " D"]:
     """Return the stretch of every reading; -1 on borders."""
     stretches, next_number = np.full(len(readings.frictions), -1), 0
     for run in np.unique(readings.runs):
         own = np.flatnonzero(readings.runs == run)
         sigma = max(float(np.median(readings.sigmas[own])), _LEAST_SIGMA)
-        numbers = find_segments(readings.frictions[own], sigma, config.penalty)
+        numbers = find_segments(readings.frictions[own], sigma, _PENALTY)
         parts = [own[numbers == number] for number in range(numbers[-1] + 1)]
-        parts = [part for part in parts if len(part) >= config.least_readings]
+        parts = [part for part in parts if len(part) >= _LEAST_READINGS]
         for place, part in enumerate(parts):
             others = [(parts[place - 1], -1, 0)] if place else []
             others += [(parts[place + 1], 0, -1)] if place + 1 < len(parts) else []
-            inside = _leave_borders(readings, part, others, config)
-            if len(inside) >= config.least_readings:
+            inside = _leave_borders(readings, part, others)
+            if len(inside) >= _LEAST_READINGS:
                 stretches[inside] = next_number
                 next_number += 1
     return stretches
@@ -132,21 +110,18 @@ def _leave_borders(
     readings: FrictionReadings,
     part: Int[np.ndarray, " P"],
     others: list[tuple[Int[np.ndarray, " _"], int, int]],
-    config: FrictionPatchConfig,
 ) -> Int[np.ndarray, " I"]:
     """Return the readings of a stretch that are not at its border with one of another friction."""
     is_inside = np.ones(len(part), dtype=bool)
     friction = readings.frictions[part].mean()
     for other, theirs, own in others:
-        if abs(readings.frictions[other].mean() - friction) > config.same:
+        if abs(readings.frictions[other].mean() - friction) > _SAME:
             middle = (readings.places[other[theirs]] + readings.places[part[own]]) / 2
-            is_inside &= np.linalg.norm(readings.places[part] - middle, axis=1) > config.border
+            is_inside &= np.linalg.norm(readings.places[part] - middle, axis=1) > _BORDER
     return part[is_inside]
 
 
-def _join(
-    readings: FrictionReadings, stretches: Int[np.ndarray, " D"], config: FrictionPatchConfig
-) -> Int[np.ndarray, " D"]:
+def _join(readings: FrictionReadings, stretches: Int[np.ndarray, " D"]) -> Int[np.ndarray, " D"]:
     """Join stretches of equal friction, the two most alike first."""
     count = int(stretches.max()) + 1 if len(stretches) else 0
     groups = [[number] for number in range(count)]
@@ -158,10 +133,8 @@ def _join(
     while len(groups) > 1:
         order = np.argsort(mean)
         apart = np.diff(np.array(mean)[order])
-        spread = config.certainty * np.sqrt(
-            1 / np.array(weight)[order][1:] + 1 / np.array(weight)[order][:-1]
-        )
-        excess = apart - np.maximum(config.same, spread)
+        spread = _CERTAINTY * np.sqrt(1 / np.array(weight)[order][1:] + 1 / np.array(weight)[order][:-1])
+        excess = apart - np.maximum(_SAME, spread)
         at = int(np.argmin(excess))
         if excess[at] >= 0.0:
             break
@@ -189,22 +162,22 @@ def _summarize(readings: FrictionReadings, is_own: Bool[np.ndarray, " D"]) -> tu
 
 
 def _find_cells(
-    places: Float[np.ndarray, "D 2"], patch_of: Int[np.ndarray, " D"], config: FrictionPatchConfig
+    places: Float[np.ndarray, "D 2"], patch_of: Int[np.ndarray, " D"]
 ) -> list[Float[np.ndarray, "R 4"]]:
     """Return the rectangles of every patch: cells that are nearest to one of its readings; none for patch 0."""
     known = patch_of >= 0
-    low = np.floor((places[known].min(axis=0) - config.reach) / config.cell).astype(np.int64)
-    high = np.ceil((places[known].max(axis=0) + config.reach) / config.cell).astype(np.int64)
+    low = np.floor((places[known].min(axis=0) - _REACH) / _CELL).astype(np.int64)
+    high = np.ceil((places[known].max(axis=0) + _REACH) / _CELL).astype(np.int64)
     grid = np.stack(
         np.meshgrid(*(np.arange(*ends) for ends in zip(low, high, strict=True)), indexing="ij"), -1
     )
-    distance, nearest = cKDTree(places[known]).query((grid + 0.5) * config.cell)
-    owner = np.where(distance <= config.reach, patch_of[known][nearest], 0)
+    distance, nearest = cKDTree(places[known]).query((grid + 0.5) * _CELL)
+    owner = np.where(distance <= _REACH, patch_of[known][nearest], 0)
     rectangles = [np.zeros((0, 4))]
     for number in range(1, int(patch_of.max()) + 1):
-        fewest = max(1, round(config.least_area / config.cell**2))
+        fewest = max(1, round(_LEAST_AREA / _CELL**2))
         corners = _cover(owner == number, fewest) + np.concatenate([low, low])
-        rectangles.append(corners * config.cell)
+        rectangles.append(corners * _CELL)
     return rectangles
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.scans.cloud import Cloud
 
@@ -23,42 +21,28 @@ _TINY = 1e-30
 """Keeps weights finite where a point lies on a place [1/m²]."""
 
 
-@dataclass(frozen=True)
-class ColorConfig:
-    """How a place takes its color from the points around it.
-
-    Attributes:
-        neighbors: so many nearest points count: more average the camera's noise away, fewer keep edges sharp. Six are
-            those around a place on an even surface.
-        softening: a point weighs 1 / (d² + softening * mean d²) of the neighbors' distances d: 0 would take the color
-            of a point that a place lies on, large values the plain mean.
-        contrast: a point whose color differs from that of the nearest one by this, in the root of the mean square of
-            the channels (of 1), weighs e^-1/2 as much: several times a camera's noise, so that edges stay sharp.
-        behind: weight of a point that was seen from behind the place, as the far side of a thin wall is.
-    """
-
-    neighbors: int = 6
-    softening: float = 0.5
-    contrast: float = 0.1
-    behind: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_all_positive(self)
-
-
-COLOR_DEFAULTS = ColorConfig()
+_NEIGHBORS = 6
+"""So many nearest points count: more average the camera's noise away, fewer keep edges sharp. Six are those
+around a place on an even surface."""
+_SOFTENING = 0.5
+"""A point weighs 1 / (d² + softening * mean d²) of the neighbors' distances d: 0 would take the color of a
+point that a place lies on, large values the plain mean."""
+_CONTRAST = 0.1
+"""A point whose color differs from that of the nearest one by this, in the root of the mean square of the
+channels (of 1), weighs e^-1/2 as much: several times a camera's noise, so that edges stay sharp."""
+_BEHIND = 1e-6
+"""Weight of a point that was seen from behind the place, as the far side of a thin wall is."""
 
 
 class ColorSource:
     """Colored points, ready to be asked for the color of any place near them."""
 
-    def __init__(self, cloud: Cloud, config: ColorConfig = COLOR_DEFAULTS) -> None:
+    def __init__(self, cloud: Cloud) -> None:
         """Sort the points."""
         if cloud.colors is None or not cloud.num_points:
             raise ReconstructionError("the cloud has no colored points; give colors [N, 3], 0 to 255")
         self._colors = cloud.colors.astype(np.float32)
         self._points, self._origins = cloud.points, cloud.origins
-        self._config = config
         # Without balance and tight boxes a tree is made in a third of the time; answers are the same.
         self._tree = cKDTree(cloud.points, balanced_tree=False, compact_nodes=False)
 
@@ -68,27 +52,27 @@ class ColorSource:
         """Return red, green and blue of places, 0 to 255."""
         if not len(places):
             return np.zeros((0, 3), np.uint8)
-        count = min(self._config.neighbors, len(self._points))
+        count = min(_NEIGHBORS, len(self._points))
         distance, nearest = self._tree.query(places, k=list(range(1, count + 1)))
         square = distance**2
-        weights = 1.0 / (square + self._config.softening * square.mean(axis=1, keepdims=True) + _TINY)
+        weights = 1.0 / (square + _SOFTENING * square.mean(axis=1, keepdims=True) + _TINY)
         if normals is not None and self._origins is not None:
             towards = self._origins[nearest] - self._points[nearest]
             is_behind = np.einsum("pki,pi->pk", towards, normals) < 0
-            weights = np.where(is_behind, self._config.behind * weights, weights)
+            weights = np.where(is_behind, _BEHIND * weights, weights)
         colors = self._colors[nearest]
         first = colors[np.arange(len(colors)), weights.argmax(axis=1)]
-        contrast = ((colors - first[:, None]) ** 2).mean(axis=2) / (WHITE * self._config.contrast) ** 2
+        contrast = ((colors - first[:, None]) ** 2).mean(axis=2) / (WHITE * _CONTRAST) ** 2
         weights *= np.exp(-contrast / 2)
         weights /= weights.sum(axis=1, keepdims=True)
         mixed = np.einsum("pk,pki->pi", weights, colors)
         return np.clip(np.round(mixed), 0, WHITE).astype(np.uint8)
 
 
-def paint_mesh(mesh: trimesh.Trimesh, cloud: Cloud, config: ColorConfig = COLOR_DEFAULTS) -> None:
+def paint_mesh(mesh: trimesh.Trimesh, cloud: Cloud) -> None:
     """Give the vertices of a mesh the colors of the points around them (`mesh.visual.vertex_colors`)."""
     normals = None if cloud.origins is None else np.asarray(mesh.vertex_normals)
-    colors = ColorSource(cloud, config).find_colors(np.asarray(mesh.vertices), normals)
+    colors = ColorSource(cloud).find_colors(np.asarray(mesh.vertices), normals)
     mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=add_alpha(colors))
 
 

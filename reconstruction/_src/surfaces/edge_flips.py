@@ -8,8 +8,6 @@ References:
     van Damme and Alboul (1995), "Tight triangulations": the criterion.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -27,41 +25,31 @@ _SHORTEST = 1e-300
 """Divided by instead of 0: the normal of a face without area is 0."""
 
 
-@dataclass(frozen=True)
-class FlipConfig:
-    """Which edges `flip_edges` flips.
-
-    Attributes:
-        min_angle: only edges whose faces differ by more are checked [rad]: a smooth surface between units has less, a
-            tooth across a crease more.
-        min_gain: share of the curvature around an edge that a flip must save: above the rounding of floats, so that no
-            edge flips to and fro.
-        min_corner_sine: new faces have no corner sharper than this, about 6 degrees.
-        max_rounds: the search ends after this many, also where edges still wait for each other.
-    """
-
-    min_angle: float = np.deg2rad(30)
-    min_gain: float = 1e-3
-    min_corner_sine: float = 0.1
-    max_rounds: int = 8
+_MIN_ANGLE = np.deg2rad(30)
+"""Only edges whose faces differ by more are checked [rad]: a smooth surface between units has less, a tooth
+across a crease more."""
+_MIN_GAIN = 1e-3
+"""Share of the curvature around an edge that a flip must save: above the rounding of floats, so that no edge
+flips to and fro."""
+_MIN_CORNER_SINE = 0.1
+"""New faces have no corner sharper than this, about 6 degrees."""
+_MAX_ROUNDS = 8
+"""The search ends after this many, also where edges still wait for each other."""
 
 
-def flip_edges(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], config: FlipConfig | None = None
-) -> Int[np.ndarray, "F 3"]:
+def flip_edges(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "F 3"]:
     """Return the faces with edges flipped where that lowers the curvature.
 
     After the first round only what lies around a flipped edge, or around one that had to wait, is checked again.
     """
-    config = config or FlipConfig()
     faces = faces.copy()
     is_active = np.ones(len(vertices), dtype=bool)
-    for _ in range(config.max_rounds):
+    for _ in range(_MAX_ROUNDS):
         is_open = any_corner(is_active, faces)
         is_near = np.zeros(len(vertices), dtype=bool)
         is_near[faces[is_open]] = True
         part = np.flatnonzero(any_corner(is_near, faces))
-        changed, flipped, corners = _flip_once(vertices, faces[part], is_open[part], config)
+        changed, flipped, corners = _flip_once(vertices, faces[part], is_open[part])
         if len(changed) == 0:
             break
         faces[part[changed]] = flipped
@@ -74,19 +62,18 @@ def _flip_once(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     is_open: Bool[np.ndarray, " F"],
-    config: FlipConfig,
 ) -> tuple[Int[np.ndarray, " C"], Int[np.ndarray, "C 3"], Int[np.ndarray, "R 4"]]:
     """Flip edges of which no two touch the same face, those first that gain most."""
     sides = group_sides(faces, len(vertices))
     hinges = find_hinges(faces, sides)
     normals = find_normals(vertices, faces)
     steep = np.flatnonzero(all_corners(is_open, hinges.faces))
-    steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > config.min_angle]
+    steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > _MIN_ANGLE]
     candidates = Hinges(*(column[steep] for column in hinges))
     across = np.full((len(faces), 3), -1)
     across[hinges.faces[:, 0], hinges.sides[:, 0]] = hinges.faces[:, 1]
     across[hinges.faces[:, 1], hinges.sides[:, 1]] = hinges.faces[:, 0]
-    gain, corners, outer = _rate_flips(vertices, faces, normals, across, candidates, config)
+    gain, corners, outer = _rate_flips(vertices, faces, normals, across, candidates)
     worth = np.flatnonzero(gain)
     touched = np.concatenate([candidates.faces, outer], axis=1)[worth]
     gain = np.where(_are_joined(corners[worth, 2:], sides, len(vertices)), 0, gain[worth])
@@ -102,7 +89,6 @@ def _rate_flips(
     normals: Float[np.ndarray, "F 3"],
     across: Int[np.ndarray, "F 3"],
     candidates: Hinges,
-    config: FlipConfig,
 ) -> tuple[Float[np.ndarray, " P"], Int[np.ndarray, "P 4"], Int[np.ndarray, "P 4"]]:
     """Return what flipping each edge saves, 0 where it saves nothing; its corners and outer faces."""
     pair, side = candidates.faces, candidates.sides
@@ -112,8 +98,8 @@ def _rate_flips(
     corners = np.stack([a, b, c, d], axis=1)
     outer = np.stack([across[pair[:, k // 2], (side[:, k // 2] + 1 + k % 2) % 3] for k in range(4)], axis=1)
     outer_edges = [(b, c), (c, a), (a, d), (d, b)]
-    left, is_sound = _make_normals(vertices, a, d, c, config.min_corner_sine)
-    right, is_sound_too = _make_normals(vertices, d, b, c, config.min_corner_sine)
+    left, is_sound = _make_normals(vertices, a, d, c, _MIN_CORNER_SINE)
+    right, is_sound_too = _make_normals(vertices, d, b, c, _MIN_CORNER_SINE)
     before = _length(vertices, a, b) * _angle(normals[first], normals[second])
     after = _length(vertices, c, d) * _angle(left, right)
     inner_before = (normals[first], normals[first], normals[second], normals[second])
@@ -123,7 +109,7 @@ def _rate_flips(
         length = np.where(outer[:, k] >= 0, _length(vertices, *ends), 0)
         before = before + length * _angle(old, normals[outer[:, k]])
         after = after + length * _angle(new, normals[outer[:, k]])
-    gain = np.where(is_sound & is_sound_too & (after < (1 - config.min_gain) * before), before - after, 0)
+    gain = np.where(is_sound & is_sound_too & (after < (1 - _MIN_GAIN) * before), before - after, 0)
     return gain, corners, outer
 
 

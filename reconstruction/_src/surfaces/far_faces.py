@@ -7,53 +7,39 @@ the scanner looked through it, it is wrong, and need not be as far; anything bet
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.geometry.manifold import find_normals
 from reconstruction._src.geometry.orientation import split_fans
 from reconstruction._src.geometry.rows import find_areas, find_lengths
 from reconstruction._src.geometry.sampling import choose_viewpoints
 
-
-@dataclass(frozen=True)
-class FarConfig:
-    """When a face is far from every reading.
-
-    Attributes:
-        neighbors: the spacing at a reading is its distance from this neighbor: nearer ones are all of one scan line.
-        reach: a place is far at this many spacings from the nearest reading ...
-        plane_reach: ... or this many where the surface goes on in the plane of the readings around ...
-        seen_reach: ... or this many where the scanner looked through it.
-        slope: the surface goes on in a plane where it leaves it by no more than this share of the distance.
-        around: so many readings around tell the plane, and so many beams whether the scanner looked through.
-        margin: beams that end farther than the place by more than this share of its range looked through it.
-        share: a face is far where this share of its samples is.
-        probes: places whose spacings give the least spacing of the cloud: their median.
-        most_viewpoints: beams from these viewpoints are looked at: those with most readings.
-    """
-
-    neighbors: int = 16
-    reach: float = 2.0
-    plane_reach: float = 4.0
-    seen_reach: float = 1.0
-    slope: float = 0.1
-    around: int = 8
-    margin: float = 0.1
-    share: float = 0.5
-    probes: int = 500
-    most_viewpoints: int = 16
-
-    def __post_init__(self) -> None:
-        check_all_positive(self)
+_NEIGHBORS = 16
+"""The spacing at a reading is its distance from this neighbor: nearer ones are all of one scan line."""
+_REACH = 2.0
+"""A place is far at this many spacings from the nearest reading."""
+_PLANE_REACH = 4.0
+"""... or this many where the surface goes on in the plane of the readings around."""
+_SEEN_REACH = 1.0
+"""... or this many where the scanner looked through it."""
+_SLOPE = 0.1
+"""The surface goes on in a plane where it leaves it by no more than this share of the distance."""
+_AROUND = 8
+"""So many readings around tell the plane, and so many beams whether the scanner looked through."""
+_MARGIN = 0.1
+"""Beams that end farther than the place by more than this share of its range looked through it."""
+_SHARE = 0.5
+"""A face is far where this share of its samples is."""
+_PROBES = 500
+"""Places whose spacings give the least spacing of the cloud: their median."""
+_MOST_VIEWPOINTS = 16
+"""Beams from these viewpoints are looked at: those with most readings."""
 
 
-FAR_DEFAULTS = FarConfig()
 _CORNERS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3], [6], [6], [6]])
 """Samples of a face: its middle, and half the way from there to each corner."""
 
@@ -108,10 +94,9 @@ def cut_far_faces(
     points: Float[np.ndarray, "N 3"],
     viewpoints: Float[np.ndarray, "K 3"] | None = None,
     seen_from: Int[np.ndarray, " N"] | None = None,
-    config: FarConfig = FAR_DEFAULTS,
 ) -> CutMesh:
     """Return a mesh without its far faces (`find_far_faces`); as it is where there are none, or nothing else."""
-    return cut_faces(vertices, faces, find_far_faces(vertices, faces, points, viewpoints, seen_from, config))
+    return cut_faces(vertices, faces, find_far_faces(vertices, faces, points, viewpoints, seen_from))
 
 
 def cut_faces(
@@ -133,27 +118,25 @@ def find_far_faces(
     points: Float[np.ndarray, "N 3"],
     viewpoints: Float[np.ndarray, "K 3"] | None = None,
     seen_from: Int[np.ndarray, " N"] | None = None,
-    config: FarConfig = FAR_DEFAULTS,
 ) -> Bool[np.ndarray, " F"]:
     """Return which faces lie far from every reading.
 
     Readings count where they lie on the surface, so that coarse faces beside dense readings are near them.
     """
-    return measure_far_faces(vertices, faces, SeenPoints(points, viewpoints, seen_from), config).is_far
+    return measure_far_faces(vertices, faces, SeenPoints(points, viewpoints, seen_from)).is_far
 
 
 def measure_far_faces(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     cloud: SeenPoints,
-    config: FarConfig = FAR_DEFAULTS,
 ) -> FarFaces:
     """Return which faces lie far from every reading, with the spacing that tells."""
-    if len(faces) == 0 or len(cloud.points) <= config.neighbors:
+    if len(faces) == 0 or len(cloud.points) <= _NEIGHBORS:
         return FarFaces(np.zeros(len(faces), dtype=bool), 0.0)
     tree = cKDTree(cloud.points)
-    least = _find_least_spacing(find_samples(vertices, faces)[:, 0], tree, config)
-    is_far, _ = find_far_among(vertices, faces, np.arange(len(faces)), tree, least, cloud, config)
+    least = _find_least_spacing(find_samples(vertices, faces)[:, 0], tree)
+    is_far, _ = find_far_among(vertices, faces, np.arange(len(faces)), tree, least, cloud)
     return FarFaces(is_far, least)
 
 
@@ -164,36 +147,33 @@ def find_far_among(
     tree: cKDTree,
     least: float,
     cloud: SeenPoints,
-    config: FarConfig = FAR_DEFAULTS,
 ) -> tuple[Bool[np.ndarray, " T"], float]:
     """Return which of some faces lie far from every reading, and how far off the readings are that tell [m]."""
     is_far = np.zeros(len(tested), dtype=bool)
-    samples, is_open = find_open(vertices, faces[tested], tree, least, config)
+    samples, is_open = find_open(vertices, faces[tested], tree, least)
     if not is_open.any():
         return is_far, 0.0
     owner, places = _project(tree.data, vertices, faces)
     rows, columns = np.nonzero(is_open)
     distance, nearest = cKDTree(places).query(samples[rows, columns])
-    spacing = np.maximum(_measure_spacing(tree, nearest, config.neighbors), least)
+    spacing = np.maximum(_measure_spacing(tree, nearest, _NEIGHBORS), least)
     needed = float((distance + spacing).max())
     ratio = distance / np.maximum(spacing, np.finfo(float).tiny)
-    rows, columns, ratio, spacing = (
-        part[ratio > config.seen_reach] for part in (rows, columns, ratio, spacing)
-    )
+    rows, columns, ratio, spacing = (part[ratio > _SEEN_REACH] for part in (rows, columns, ratio, spacing))
     if not len(rows):
         return is_far, needed
     tried = samples[rows, columns]
     is_open = np.isin(np.arange(len(faces)), tested[rows])
-    limit = np.full(len(rows), config.reach)
+    limit = np.full(len(rows), _REACH)
     is_known = ~is_open[owner]
-    if is_known.sum() >= config.around:
+    if is_known.sum() >= _AROUND:
         normals = find_normals(vertices, faces)[owner[is_known]]
-        limit[_goes_on(tried, places[is_known], normals, config)] = config.plane_reach
+        limit[_goes_on(tried, places[is_known], normals)] = _PLANE_REACH
     if cloud.viewpoints is not None:
-        seen = _is_seen_through(tried, spacing, cloud.points, cloud.viewpoints, cloud.seen_from, config)
-        limit[seen] = config.seen_reach
+        seen = _is_seen_through(tried, spacing, cloud.points, cloud.viewpoints, cloud.seen_from)
+        limit[seen] = _SEEN_REACH
     counts = np.bincount(rows[ratio > limit], minlength=len(tested))
-    return counts >= config.share * len(_CORNERS), needed
+    return counts >= _SHARE * len(_CORNERS), needed
 
 
 def find_samples(
@@ -208,19 +188,18 @@ def find_open(
     faces: Int[np.ndarray, "F 3"],
     tree: cKDTree,
     least: float,
-    config: FarConfig = FAR_DEFAULTS,
 ) -> tuple[Float[np.ndarray, "F S 3"], Bool[np.ndarray, "F S"]]:
     """Return samples of faces [m], and which of them may be far: no reading is as near as the least spacing tells."""
     samples = find_samples(vertices, faces)
-    limit = config.seen_reach * least
+    limit = _SEEN_REACH * least
     distance, _ = tree.query(samples.reshape(-1, 3), distance_upper_bound=2 * limit)
     return samples, (distance > limit).reshape(len(faces), -1)
 
 
-def _find_least_spacing(middles: Float[np.ndarray, "F 3"], tree: cKDTree, config: FarConfig) -> float:
+def _find_least_spacing(middles: Float[np.ndarray, "F 3"], tree: cKDTree) -> float:
     """Return the median spacing of the readings at faces all over the surface [m]."""
-    chosen = middles[:: max(1, len(middles) // config.probes)]
-    return float(np.median(_measure_spacing(tree, tree.query(chosen)[1], config.neighbors)))
+    chosen = middles[:: max(1, len(middles) // _PROBES)]
+    return float(np.median(_measure_spacing(tree, tree.query(chosen)[1], _NEIGHBORS)))
 
 
 def _measure_spacing(tree: cKDTree, rows: Int[np.ndarray, " M"], neighbors: int) -> Float[np.ndarray, " M"]:
@@ -248,13 +227,12 @@ def _goes_on(
     samples: Float[np.ndarray, "S 3"],
     places: Float[np.ndarray, "N 3"],
     normals: Float[np.ndarray, "N 3"],
-    config: FarConfig,
 ) -> Bool[np.ndarray, " S"]:
     """Return which samples lie in the planes of the surface at most of the places around."""
-    distance, nearest = cKDTree(places).query(samples, k=list(range(1, config.around + 1)))
+    distance, nearest = cKDTree(places).query(samples, k=list(range(1, _AROUND + 1)))
     offset = samples[:, None] - places[nearest]
     height = np.abs(np.einsum("ski,ski->sk", offset, normals[nearest]))
-    return (height <= config.slope * distance).mean(axis=1) > 0.5
+    return (height <= _SLOPE * distance).mean(axis=1) > 0.5
 
 
 def _is_seen_through(
@@ -263,22 +241,21 @@ def _is_seen_through(
     points: Float[np.ndarray, "N 3"],
     viewpoints: Float[np.ndarray, "K 3"],
     seen_from: Int[np.ndarray, " N"] | None,
-    config: FarConfig,
 ) -> Bool[np.ndarray, " S"]:
     """Return which samples have beams all around that end farther away."""
     seen_from = choose_viewpoints(points, viewpoints) if seen_from is None else seen_from
     found = np.zeros(len(samples), dtype=bool)
     counts = np.bincount(seen_from, minlength=len(viewpoints))
-    for row in np.argsort(-counts, kind="stable")[: config.most_viewpoints]:
-        if counts[row] <= config.around:
+    for row in np.argsort(-counts, kind="stable")[:_MOST_VIEWPOINTS]:
+        if counts[row] <= _AROUND:
             break
         beams = points[seen_from == row] - viewpoints[row]
         ranges = find_lengths(beams)
         tree = cKDTree(beams / np.maximum(ranges, np.finfo(float).tiny)[:, None])
         ways = samples - viewpoints[row]
         lengths = np.maximum(find_lengths(ways), np.finfo(float).tiny)
-        angle, nearest = tree.query(ways / lengths[:, None], k=list(range(1, config.around + 1)))
-        is_among = angle[:, 0] <= _measure_spacing(tree, nearest[:, 0], config.around)
-        is_farther = (ranges[nearest] > ((1 + config.margin) * lengths + spacing)[:, None]).all(axis=1)
+        angle, nearest = tree.query(ways / lengths[:, None], k=list(range(1, _AROUND + 1)))
+        is_among = angle[:, 0] <= _measure_spacing(tree, nearest[:, 0], _AROUND)
+        is_farther = (ranges[nearest] > ((1 + _MARGIN) * lengths + spacing)[:, None]).all(axis=1)
         found |= is_among & is_farther
     return found

@@ -33,7 +33,7 @@ from symbrion_gym._src.arenas.scanned import (
 from symbrion_gym._src.arenas.seen_places import choose_positions
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.kinds import Contact
-from symbrion_gym._src.contact.options import ContactConfig, ContactOptions, find_accuracy
+from symbrion_gym._src.contact.options import REPAIR, ContactOptions, find_accuracy
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
@@ -117,7 +117,6 @@ def make_arena(
     seed: int = 0,
     time_limit: float = 300.0,
     cache: bool | str | Path = True,
-    config: ContactConfig | None = None,
     progress: Progress = silent,
 ) -> Arena:
     """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
@@ -151,7 +150,6 @@ def make_arena(
         seed: seed of coacd's search.
         time_limit: emergency stop: building ends then with the best so far, which is not cached [s].
         cache: whether to keep pieces in the user's cache, or the folder to keep them in.
-        config: everything else that shapes the pieces.
         progress: called with what is being done and the share done.
 
     A surface with colors (a reconstruction of colored points, a mesh with colors) gives an arena with a texture.
@@ -159,7 +157,6 @@ def make_arena(
     Raises:
         ArenaError: the surface cannot be used, an option is out of range, or a reconstruction comes with a course.
     """
-    config = config or ContactConfig()
     if course is not None and not isinstance(surface, trimesh.Trimesh | str | Path):
         raise ArenaError(
             "course is the truth behind a scan, of which an arena knows nothing; leave it out: start, edges and finish "
@@ -169,12 +166,12 @@ def make_arena(
     ground = choose_friction(friction, friction_map, course, scanned.friction)
     if kind == "auto" and ground.friction_map is not None and ground.friction_map.patches:
         kind = "convex"  # a height field has one friction
-    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, config)
+    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit)
     if name is None and isinstance(surface, str | Path):
         name = make_printable(Path(surface).stem)
     progress("repairing the mesh", 0.0)
-    mesh = repair_surface(scanned, config.repair)
-    wanted = accuracy or find_accuracy(mesh, scanned.points, config.accuracy)
+    mesh = repair_surface(scanned, REPAIR)
+    wanted = accuracy or find_accuracy(mesh, scanned.points)
 
     is_two_sided = find_two_sided(scanned, mesh)
 
@@ -192,7 +189,7 @@ def make_arena(
     key = replace(options, accuracy=wanted)
     contact = make() if cache is False else get_or_make(touched.mesh, key, make, folder, touched.is_two_sided)
     if primitives is not None:
-        contact = add_solids(contact, mesh, primitives, key.config)
+        contact = add_solids(contact, mesh, primitives)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
     warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]

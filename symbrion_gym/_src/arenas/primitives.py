@@ -17,7 +17,6 @@ from reconstruction._src.surfaces.primitives.find import Primitives, find_primit
 from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
 from symbrion_gym._src.contact.distances import SurfaceDistance
 from symbrion_gym._src.contact.kinds import Contact
-from symbrion_gym._src.contact.options import ContactConfig
 from symbrion_gym._src.errors import ArenaError
 
 _GEOMS = {
@@ -222,9 +221,7 @@ def leave_solids_out(
     return Touched(rest, None if is_two_sided is None else is_two_sided[is_left])
 
 
-def add_solids(
-    contact: Contact, mesh: trimesh.Trimesh, primitives: Primitives, config: ContactConfig
-) -> Contact:
+def add_solids(contact: Contact, mesh: trimesh.Trimesh, primitives: Primitives) -> Contact:
     """Return contact with the solid primitives as its last pieces, and its distances from the whole surface."""
     solids = [solid.as_mesh() for solid in find_solids(primitives)]
     kinds = [one.kind for one in primitives.shapes]
@@ -233,5 +230,5 @@ def add_solids(
         return replace(contact, notes=notes)
     is_rest = take_solids_out(mesh, primitives).sum() >= _FEWEST
     pieces = [*contact.pieces, *solids] if is_rest else solids
-    quality = SurfaceDistance(mesh, config.distance).measure(pieces, contact.quality.seconds)
+    quality = SurfaceDistance(mesh).measure(pieces, contact.quality.seconds)
     return replace(contact, pieces=pieces, quality=quality, notes=notes)

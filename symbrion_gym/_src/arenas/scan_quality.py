@@ -13,7 +13,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.scanned import ScannedSurface, simulate_readings
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
-from symbrion_gym._src.contact.visibility import VisibilityConfig, add_visibility, measure_visibility
+from symbrion_gym._src.contact.visibility import add_visibility, measure_visibility
 
 
 def add_scan_quality(
@@ -21,7 +21,6 @@ def add_scan_quality(
     scanned: ScannedSurface,
     contact: Sequence[trimesh.Trimesh] | HeightField,
     surface: trimesh.Trimesh,
-    config: VisibilityConfig | None = None,
 ) -> ArenaQuality:
     """Return the quality of an arena with the shares of beams, of free space and of dropped readings.
 
@@ -34,7 +33,7 @@ def add_scan_quality(
         return quality
     if points is None:
         points, seen_from = simulate_readings(surface, scanned.viewpoints)
-    visibility = measure_visibility(points, scanned.viewpoints, seen_from, contact, surface, config)
+    visibility = measure_visibility(points, scanned.viewpoints, seen_from, contact, surface)
     return add_visibility(quality, visibility)
 
 

@@ -2,48 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from symbrion_gym._src.contact.kinds import Contact
 
-
-@dataclass(frozen=True)
-class AcceptanceConfig:
-    """When contact geometry is good enough, and when a candidate is as good as the best so far.
-
-    Attributes:
-        p95: 95th percentile of the distance that is good enough, in accuracies.
-        uncovered: share of the surface without contact within 5 cm that is good enough ...
-        reach: ... where the 95th percentile that is good enough is below this [m]: on a square kilometer known to a
-            meter, 5 cm say nothing.
-        margin: a candidate as good as the best has distances larger by no more than this, in accuracies: what
-            sampling and the seams of boxes add.
-        share_margin: likewise for the share without contact.
-        more_pieces: a candidate as good as the best has no more than this many times the pieces ...
-        more_few: ... or this many more: coacd cuts a slab in two where that gives better solids.
-        many_pieces: a candidate that is good enough replaces a better one of more pieces than these ...
-        fewer: ... if it has no more than this share of them: fewer pieces make faster contacts.
-    """
-
-    p95: float = 3.0
-    uncovered: float = 0.008
-    reach: float = 0.05
-    margin: float = 0.1
-    share_margin: float = 5e-4
-    more_pieces: float = 1.5
-    more_few: int = 3
-    many_pieces: int = 64
-    fewer: float = 0.5
+ACCEPTANCE_P95 = 3.0
+"""95th percentile of the distance that is good enough, in accuracies."""
+UNCOVERED = 0.008
+"""Share of the surface without contact within 5 cm that is good enough."""
+_REACH = 0.05
+"""... where the 95th percentile that is good enough is below this [m]: on a square kilometer known to a meter,
+5 cm say nothing."""
+_MARGIN = 0.1
+"""A candidate as good as the best has distances larger by no more than this, in accuracies: what sampling and
+the seams of boxes add."""
+_SHARE_MARGIN = 5e-4
+"""Likewise for the share without contact."""
+_MORE_PIECES = 1.5
+"""A candidate as good as the best has no more than this many times the pieces."""
+_MORE_FEW = 3
+"""... or this many more: coacd cuts a slab in two where that gives better solids."""
+_MANY_PIECES = 64
+"""A candidate that is good enough replaces a better one of more pieces than these."""
+_FEWER = 0.5
+"""... if it has no more than this share of them: fewer pieces make faster contacts."""
 
 
 _TOO_MANY = 1e9
 """Too many pieces are worse than any distance: their number is a limit, the accuracy a wish."""
-ACCEPTANCE_DEFAULTS = AcceptanceConfig()
 
 
-def find_miss(
-    contact: Contact, accuracy: float, max_pieces: int, config: AcceptanceConfig = ACCEPTANCE_DEFAULTS
-) -> float:
+def find_miss(contact: Contact, accuracy: float, max_pieces: int) -> float:
     """Return how far contact geometry misses what is wanted: the worst of its figures over the wanted one; 1 or less
     where nothing is missed.
     """
@@ -52,9 +39,9 @@ def find_miss(
     if len(contact.pieces) > max_pieces:
         return _TOO_MANY * len(contact.pieces) / max_pieces
     quality = contact.quality
-    figures = [quality.mean / accuracy, quality.p95 / (config.p95 * accuracy)]
-    if config.p95 * accuracy < config.reach:
-        figures.append(quality.uncovered / config.uncovered)
+    figures = [quality.mean / accuracy, quality.p95 / (ACCEPTANCE_P95 * accuracy)]
+    if ACCEPTANCE_P95 * accuracy < _REACH:
+        figures.append(quality.uncovered / UNCOVERED)
     return max(figures)
 
 
@@ -63,7 +50,6 @@ def find_fault(
     candidate: Contact,
     accuracy: float,
     max_pieces: int,
-    config: AcceptanceConfig = ACCEPTANCE_DEFAULTS,
 ) -> str:
     """Return why a candidate does not replace the best so far; nothing where it does.
 
@@ -72,7 +58,7 @@ def find_fault(
     """
     if best is None:
         return ""
-    misses = [find_miss(contact, accuracy, max_pieces, config) for contact in (best, candidate)]
+    misses = [find_miss(contact, accuracy, max_pieces) for contact in (best, candidate)]
     if misses[0] > 1.0:
         return (
             ""
@@ -82,20 +68,20 @@ def find_fault(
     if misses[1] > 1.0:
         return f"misses what is wanted {misses[1]:.3g}-fold"
     count, most = len(best.pieces), len(candidate.pieces)
-    if count > config.many_pieces and most <= config.fewer * count:
+    if count > _MANY_PIECES and most <= _FEWER * count:
         return ""
-    if most > max(int(config.more_pieces * count), count + config.more_few):
+    if most > max(int(_MORE_PIECES * count), count + _MORE_FEW):
         return f"{most} pieces for {count}"
-    return _find_worse_figure(best, candidate, accuracy, config)
+    return _find_worse_figure(best, candidate, accuracy)
 
 
-def _find_worse_figure(best: Contact, candidate: Contact, accuracy: float, config: AcceptanceConfig) -> str:
+def _find_worse_figure(best: Contact, candidate: Contact, accuracy: float) -> str:
     """Return which figure of a candidate is worse than that of the best."""
     margins = {
-        "mean": config.margin * accuracy,
-        "p95": 2 * config.margin * accuracy,
-        "protrusion_p95": 2 * config.margin * accuracy,
-        "uncovered": config.share_margin,
+        "mean": _MARGIN * accuracy,
+        "p95": 2 * _MARGIN * accuracy,
+        "protrusion_p95": 2 * _MARGIN * accuracy,
+        "uncovered": _SHARE_MARGIN,
     }
     for name, margin in margins.items():
         got, kept = getattr(candidate.quality, name) or 0.0, getattr(best.quality, name) or 0.0

@@ -8,7 +8,6 @@ is a box are found several times faster than those of a hull.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -35,53 +34,41 @@ _NOTHING = -1e6
 """Height of what is not there [m]."""
 
 
-@dataclass(frozen=True)
-class BoxConfig:
-    """How pieces are cut at creases and turned into boxes.
-
-    Attributes:
-        bend_deg: planes on top of a piece that differ by less make no crease.
-        min_share: a plane with less of a piece's top gets no part of its own.
-        overlap: parts overlap by this at a crease [m].
-        depths: boxes tried are this deep [m], but no deeper than the piece: shallow ones fit where deep ones stick out.
-        tolerance: a box may lift or lower the ground by this, in a few places and at walls by twice as much [m].
-        few: share of the points that are a few places.
-        air: a box may reach beyond the rim of the terrain by this [m].
-        on_top: corners this close to the main plane of a piece bound its outline [m].
-        top_points: points a side of the grid on which the top of a piece is looked at.
-        check_points: points a side of the grid on which a box is compared with the piece.
-        wall_area: one point on a wall for this much of a piece's area [m²], within `wall_points`.
-        wall_points: fewest and most points on the walls of a piece.
-        wall_gap: what rises less above the ground in front of it is no wall [m]; also how far in front [m].
-    """
-
-    bend_deg: float = 5.0
-    min_share: float = 0.04
-    overlap: float = 0.02
-    depths: tuple[float, ...] = (1.0, 0.2, 0.1, 0.05)
-    tolerance: float = 1e-3
-    few: float = 5e-3
-    air: float = 0.05
-    on_top: float = 2e-3
-    top_points: int = 120
-    check_points: int = 140
-    wall_area: float = 1e-4
-    wall_points: tuple[int, int] = (500, 6000)
-    wall_gap: float = 5e-3
+_BEND_DEG = 5.0
+"""Planes on top of a piece that differ by less make no crease."""
+_MIN_SHARE = 0.04
+"""A plane with less of a piece's top gets no part of its own."""
+_OVERLAP = 0.02
+"""Parts overlap by this at a crease [m]."""
+_DEPTHS = (1.0, 0.2, 0.1, 0.05)
+"""Boxes tried are this deep [m], but no deeper than the piece: shallow ones fit where deep ones stick out."""
+_TOLERANCE = 1e-3
+"""A box may lift or lower the ground by this, in a few places and at walls by twice as much [m]."""
+_BOX_FEW = 5e-3
+"""Share of the points that are a few places."""
+_BOX_AIR = 0.05
+"""A box may reach beyond the rim of the terrain by this [m]."""
+_ON_TOP = 2e-3
+"""Corners this close to the main plane of a piece bound its outline [m]."""
+_TOP_POINTS = 120
+"""Points a side of the grid on which the top of a piece is looked at."""
+_CHECK_POINTS = 140
+"""Points a side of the grid on which a box is compared with the piece."""
+_WALL_AREA = 1e-4
+"""One point on a wall for this much of a piece's area [m²], within `wall_points`."""
+_WALL_POINTS = (500, 6000)
+"""Fewest and most points on the walls of a piece."""
+_WALL_GAP = 5e-3
+"""What rises less above the ground in front of it is no wall [m]; also how far in front [m]."""
 
 
-BOX_DEFAULTS = BoxConfig()
-
-
-def split_at_creases(
-    pieces: list[trimesh.Trimesh], max_pieces: int, config: BoxConfig = BOX_DEFAULTS
-) -> list[trimesh.Trimesh]:
+def split_at_creases(pieces: list[trimesh.Trimesh], max_pieces: int) -> list[trimesh.Trimesh]:
     """Return pieces cut along the creases on their tops, the largest first, while they are few enough."""
     largest_first = sorted(range(len(pieces)), key=lambda i: -pieces[i].volume)
     parts = {i: [piece] for i, piece in enumerate(pieces)}
     count = len(pieces)
     for i in largest_first:
-        cut = _split(pieces[i], config)
+        cut = _split(pieces[i])
         if count + len(cut) - 1 <= max_pieces:
             parts[i] = cut
             count += len(cut) - 1
@@ -103,18 +90,18 @@ class _Top:
             self.counts = np.bincount(owner, minlength=len(self.planes))
 
 
-def _split(piece: trimesh.Trimesh, config: BoxConfig) -> list[trimesh.Trimesh]:
+def _split(piece: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     """Return the parts of a piece under each of its planes; the piece itself where it is under one."""
-    top = _Top(piece, config.top_points)
+    top = _Top(piece, _TOP_POINTS)
     if len(top.planes) < 2 or not top.num_points:
         return [piece]
-    planes = _find_bent(top, config)
+    planes = _find_bent(top)
     parts = []
     for k in planes if len(planes) > 1 else []:
         step = top.slopes[k] - top.slopes[[j for j in planes if j != k]]
         size = np.linalg.norm(step[:, :2], axis=1, keepdims=True)
         step /= size
-        sides = np.column_stack([step[:, :2], np.zeros(len(step)), step[:, 2] - config.overlap])
+        sides = np.column_stack([step[:, :2], np.zeros(len(step)), step[:, 2] - _OVERLAP])
         bounds = np.concatenate([top.halfspaces, sides])
         part = make_solid(bounds, find_inner_point(bounds))
         if part is None or part.volume < MIN_VOLUME:
@@ -123,14 +110,14 @@ def _split(piece: trimesh.Trimesh, config: BoxConfig) -> list[trimesh.Trimesh]:
     return parts or [piece]
 
 
-def _find_bent(top: _Top, config: BoxConfig) -> list[int]:
+def _find_bent(top: _Top) -> list[int]:
     """Return the planes with much of a top that are bent against each other, the largest first."""
     share = top.counts / top.num_points
-    min_cosine = np.cos(np.radians(config.bend_deg))
+    min_cosine = np.cos(np.radians(_BEND_DEG))
     planes: list[int] = []
     for k in np.argsort(-share, kind="stable"):
         is_bent = all(top.planes[k, :3] @ top.planes[j, :3] < min_cosine for j in planes)
-        if share[k] > config.min_share and is_bent:
+        if share[k] > _MIN_SHARE and is_bent:
             planes.append(int(k))
     return planes
 
@@ -138,7 +125,6 @@ def _find_bent(top: _Top, config: BoxConfig) -> list[int]:
 def turn_into_boxes(
     pieces: list[trimesh.Trimesh],
     ground: Elevation,
-    config: BoxConfig = BOX_DEFAULTS,
     is_exceeded: Callable[[], bool] = never,
 ) -> list[trimesh.Trimesh]:
     """Return pieces with a box in place of each that can be one."""
@@ -147,29 +133,29 @@ def turn_into_boxes(
         if is_exceeded():
             break
         others = [find_halfspaces(piece) for k, piece in enumerate(boxed) if k != i]
-        boxed[i] = _find_box(boxed[i], others, ground, config)
+        boxed[i] = _find_box(boxed[i], others, ground)
     return boxed
 
 
 def _find_box(
-    piece: trimesh.Trimesh, others: list[Float[np.ndarray, "H 4"]], ground: Elevation, config: BoxConfig
+    piece: trimesh.Trimesh, others: list[Float[np.ndarray, "H 4"]], ground: Elevation
 ) -> trimesh.Trimesh:
     """Return a box under the piece's main plane that changes no contact; else the piece."""
-    top = _Top(piece, config.top_points)
+    top = _Top(piece, _TOP_POINTS)
     if not len(top.planes):
         return piece
     plane = top.planes[int(np.argmax(top.counts))]
     frame = _make_frame(plane[:3])
     corners = np.asarray(piece.vertices)
-    is_on_top = np.abs(corners @ plane[:3] + plane[3]) < config.on_top
+    is_on_top = np.abs(corners @ plane[:3] + plane[3]) < _ON_TOP
     outline = find_hull_outline(corners[is_on_top] @ frame[:, :2]) if is_on_top.sum() >= 3 else None
     if outline is None:
         return piece
-    check = _ContactCheck(piece, top.halfspaces, others, ground, config)
+    check = _ContactCheck(piece, top.halfspaces, others, ground)
     height = -plane[3]
     reach = float(height - (corners @ plane[:3]).min())
     rectangles = find_tight_rectangles(outline)
-    for depth in config.depths:
+    for depth in _DEPTHS:
         boxes = (_make_box(frame, each, height - min(depth, reach), height) for each in rectangles)
         best, least = None, np.inf
         for box in boxes:
@@ -206,12 +192,11 @@ class _ContactCheck:
         halfspaces: Float[np.ndarray, "G 4"],
         others: list[Float[np.ndarray, "H 4"]],
         ground: Elevation,
-        config: BoxConfig,
     ) -> None:
-        self._ground, self._others, self._config = ground, others, config
+        self._ground, self._others = ground, others
         low, high = piece.bounds
-        margin = np.array([config.air, config.air, 0.0])
-        self._points = sample_grid(np.array([low - 2 * margin, high + 2 * margin]), config.check_points)
+        margin = np.array([_BOX_AIR, _BOX_AIR, 0.0])
+        self._points = sample_grid(np.array([low - 2 * margin, high + 2 * margin]), _CHECK_POINTS)
         neighbors = np.stack(
             [find_tops(other, self._points) for other in others] or [np.full(len(self._points), -np.inf)]
         )
@@ -226,13 +211,13 @@ class _ContactCheck:
 
     def _find_walls(self, piece: trimesh.Trimesh) -> Float[np.ndarray, "N 3"]:
         """Return points on the sides of the piece that stand free above ground."""
-        fewest, most = self._config.wall_points
-        count = int(min(max(float(piece.area) / self._config.wall_area, fewest), most))
+        fewest, most = _WALL_POINTS
+        count = int(min(max(float(piece.area) / _WALL_AREA, fewest), most))
         found = trimesh.sample.sample_surface(piece, count, seed=0)
         places, normals = np.asarray(found[0]), np.asarray(piece.face_normals)[np.asarray(found[1])]
         is_side = np.abs(normals[:, 2]) < STEEP
         places, normals = places[is_side], normals[is_side]
-        gap = self._config.wall_gap
+        gap = _WALL_GAP
         front = self._ground.height(*(places + gap * normals)[:, :2].T)
         return places[front < places[:, 2] - gap]
 
@@ -241,12 +226,12 @@ class _ContactCheck:
 
         Beyond the rim of the terrain nothing counts.
         """
-        tolerance = self._config.tolerance
+        tolerance = _TOLERANCE
         halfspaces = find_halfspaces(box)
         own = find_tops(halfspaces, self._points)
         after = np.maximum(np.maximum(self._neighbors, own), _NOTHING)
         off = np.maximum(after - self._highest, self._lowest - after)
-        if off.max() > 2 * tolerance or (off > tolerance).sum() > self._config.few * len(off):
+        if off.max() > 2 * tolerance or (off > tolerance).sum() > _BOX_FEW * len(off):
             return np.inf
         if len(self._walls):
             depth = _measure_depth(self._walls, halfspaces)

@@ -85,8 +85,8 @@ def run_passes(problem: ContactProblem, passes: tuple[Pass, ...]) -> Contact:
             continue
         if candidate is None:
             continue
-        config, options = problem.config.acceptance, problem.options
-        fault = find_fault(best, candidate, problem.accuracy, options.max_pieces, config)
+        options = problem.options
+        fault = find_fault(best, candidate, problem.accuracy, options.max_pieces)
         quality = candidate.quality
         figures = {"pieces": len(candidate.pieces), "mean": quality.mean, "uncovered": quality.uncovered}
         record.append({"pass": name, **figures, "result": f"refused: {fault}" if fault else "accepted"})
@@ -106,8 +106,8 @@ def _make_height_field(problem: ContactProblem) -> Contact:
 
 def _add_notes(problem: ContactProblem, contact: Contact) -> Contact:
     """Return contact geometry with what a user should know of it."""
-    options, accuracy, config = problem.options, problem.accuracy, problem.config.acceptance
-    miss = find_miss(contact, accuracy, options.max_pieces, config)
+    options, accuracy = problem.options, problem.accuracy
+    miss = find_miss(contact, accuracy, options.max_pieces)
     notes: dict[str, Any] = {"accuracy": accuracy, "shape": problem.shape, "is_reached": miss <= 1.0}
     place, distance = _find_worst(problem, contact)
     notes["worst"] = {"place": place, "distance": distance}

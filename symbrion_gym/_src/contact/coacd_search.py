@@ -9,6 +9,7 @@ import trimesh
 from symbrion_gym._src.contact.acceptance import find_miss
 from symbrion_gym._src.contact.decomposition import decompose
 from symbrion_gym._src.contact.kinds import Contact
+from symbrion_gym._src.contact.options import DEPTH, ITERATIONS, MAX_FACES, NODES, RESOLUTION, THRESHOLDS
 from symbrion_gym._src.contact.problem import ContactProblem
 from symbrion_gym._src.contact.simplification import simplify_surface
 from symbrion_gym._src.errors import ArenaError
@@ -18,10 +19,10 @@ _logger = logging.getLogger(__name__)
 
 def decompose_solid(problem: ContactProblem, solid: trimesh.Trimesh) -> Contact:
     """Decompose a solid until what is wanted is reached, or finer pieces would be too many."""
-    search, options = problem.config.search, problem.options
-    solid = simplify_surface(solid, search.max_faces)
+    options = problem.options
+    solid = simplify_surface(solid, MAX_FACES)
     best: Contact | None = None
-    for threshold in search.thresholds:
+    for threshold in THRESHOLDS:
         problem.progress(f"coacd at threshold {threshold}", 0.8)
         try:
             made = _attempt(problem, solid, threshold)
@@ -41,16 +42,15 @@ def decompose_solid(problem: ContactProblem, solid: trimesh.Trimesh) -> Contact:
 
 def _attempt(problem: ContactProblem, solid: trimesh.Trimesh, threshold: float) -> Contact:
     """Decompose a solid once."""
-    search = problem.config.search
     pieces = decompose(
         solid,
         threshold,
         problem.options.seed,
         problem.deadline.left(),
-        mcts_iterations=search.iterations,
-        mcts_max_depth=search.depth,
-        mcts_nodes=search.nodes,
-        resolution=search.resolution,
+        mcts_iterations=ITERATIONS,
+        mcts_max_depth=DEPTH,
+        mcts_nodes=NODES,
+        resolution=RESOLUTION,
         max_convex_hull=-1,
         preprocess_mode="off",
     )
@@ -58,4 +58,4 @@ def _attempt(problem: ContactProblem, solid: trimesh.Trimesh, threshold: float) 
 
 
 def _find_miss(problem: ContactProblem, contact: Contact) -> float:
-    return find_miss(contact, problem.accuracy, problem.options.max_pieces, problem.config.acceptance)
+    return find_miss(contact, problem.accuracy, problem.options.max_pieces)

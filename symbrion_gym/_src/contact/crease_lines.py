@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
@@ -17,39 +15,30 @@ from reconstruction._src.geometry.rows import make_hull
 from reconstruction._src.geometry.sampling import sample_grid
 from symbrion_gym._src.contact.planes import Planes
 
-
-@dataclass(frozen=True)
-class CreaseConfig:
-    """Where a terrain may be cut.
-
-    Attributes:
-        same_wall_deg: walls that touch and face directions this close are one: noise parts a wall into several.
-        wall_reach: lines this close to a wall all along it are taken for the wall [m].
-        wall_facing: the faces of a wall sum to this share of their area in plan; else it has no one direction.
-        wall_cosine: faces at the wall whose normals are within the angle of this cosine (60 degrees) belong to it.
-        wall_levels: shares of the height of a wall at which its line is measured, away from a rounded foot and rim.
-        wall_trim: share of the corners of a wall that its height leaves out, at the foot and at the rim.
-        min_crossings: points that a line along the middle of a wall is fitted to, at least.
-        min_wall: length of such a line, in median edges, at least.
-        crease_reach: a crease lies this close to the edges where its planes touch, in median edges.
-        step_reach: likewise, the points of a step.
-        rounds: number of rounds of robust line fits.
-    """
-
-    same_wall_deg: float = 5.0
-    wall_reach: float = 0.03
-    wall_facing: float = 0.5
-    wall_cosine: float = 0.5
-    wall_levels: tuple[float, ...] = (0.4, 0.5, 0.6)
-    wall_trim: float = 0.02
-    min_crossings: int = 12
-    min_wall: float = 4.0
-    crease_reach: float = 3.0
-    step_reach: float = 2.0
-    rounds: int = 6
+_SAME_WALL_DEG = 5.0
+"""Walls that touch and face directions this close are one: noise parts a wall into several."""
+_WALL_REACH = 0.03
+"""Lines this close to a wall all along it are taken for the wall [m]."""
+_WALL_FACING = 0.5
+"""The faces of a wall sum to this share of their area in plan; else it has no one direction."""
+_WALL_COSINE = 0.5
+"""Faces at the wall whose normals are within the angle of this cosine (60 degrees) belong to it."""
+_WALL_LEVELS = (0.4, 0.5, 0.6)
+"""Shares of the height of a wall at which its line is measured, away from a rounded foot and rim."""
+_WALL_TRIM = 0.02
+"""Share of the corners of a wall that its height leaves out, at the foot and at the rim."""
+_MIN_CROSSINGS = 12
+"""Points that a line along the middle of a wall is fitted to, at least."""
+_MIN_WALL = 4.0
+"""Length of such a line, in median edges, at least."""
+_CREASE_REACH = 3.0
+"""A crease lies this close to the edges where its planes touch, in median edges."""
+_STEP_REACH = 2.0
+"""Likewise, the points of a step."""
+_ROUNDS = 6
+"""Number of rounds of robust line fits."""
 
 
-CREASE_DEFAULTS = CreaseConfig()
 _LEAST_CROSSING = 0.01
 """Planes that meet at a smaller angle (sine, in plan) have no line in plan that is worth its noise."""
 _SAME_LINE = 1e-4
@@ -70,9 +59,7 @@ def fill_labels(mesh: trimesh.Trimesh, labels: Int[np.ndarray, " F"]) -> Int[np.
         labels[pairs[is_next, 1]] = labels[pairs[is_next, 0]]
 
 
-def find_crease_lines(
-    mesh: trimesh.Trimesh, planes: Planes, steep: float, config: CreaseConfig = CREASE_DEFAULTS
-) -> Float[np.ndarray, "C 3"]:
+def find_crease_lines(mesh: trimesh.Trimesh, planes: Planes, steep: float) -> Float[np.ndarray, "C 3"]:
     """Find lines in plan along which the terrain may be cut."""
     labels = fill_labels(mesh, planes.labels)
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
@@ -83,25 +70,25 @@ def find_crease_lines(
     contacts = np.unique(sides[is_contact], axis=0)
     walls = [
         found
-        for group in _group_walls(planes, contacts, steep, config)
-        if (found := _fit_wall(mesh, planes, group, edge_length, config)) is not None
+        for group in _group_walls(planes, contacts, steep)
+        if (found := _fit_wall(mesh, planes, group, edge_length)) is not None
     ]
     lines = []
     for first, second in contacts:
         contact = middles[is_contact & (sides[:, 0] == first) & (sides[:, 1] == second)]
-        lines.append(_find_crease(planes, first, second, contact, config.crease_reach * edge_length))
+        lines.append(_find_crease(planes, first, second, contact, _CREASE_REACH * edge_length))
         if min(planes.normals[first, 2], planes.normals[second, 2]) >= steep:
             is_part = (labels == first) | (labels == second)
             points = _find_step(mesh, planes, first, second, is_part)
             distance, _ = cKDTree(contact[:, :2]).query(points)
-            points = points[distance < config.step_reach * edge_length]
-            lines.append(_fit_line(points, config.rounds) if len(points) >= 3 else None)
-    found = [line for line in lines if line is not None and not _is_near_wall(line, walls, config.wall_reach)]
+            points = points[distance < _STEP_REACH * edge_length]
+            lines.append(_fit_line(points, _ROUNDS) if len(points) >= 3 else None)
+    found = [line for line in lines if line is not None and not _is_near_wall(line, walls, _WALL_REACH)]
     return _drop_repeated(np.array([line for line, _ in walls] + found).reshape(-1, 3))
 
 
 def _group_walls(
-    planes: Planes, contacts: Int[np.ndarray, "C 2"], steep: float, config: CreaseConfig
+    planes: Planes, contacts: Int[np.ndarray, "C 2"], steep: float
 ) -> list[Int[np.ndarray, " G"]]:
     """Return the planes of walls, those together that touch and face the same way."""
     is_wall = planes.normals[:, 2] < steep
@@ -109,7 +96,7 @@ def _group_walls(
     first, second = contacts[is_wall[contacts].all(axis=1)].T
     rise = np.linalg.norm(planes.normals[:, :2], axis=1)
     facing = np.einsum("ci,ci->c", planes.normals[first, :2], planes.normals[second, :2])
-    is_same = facing > np.cos(np.radians(config.same_wall_deg)) * rise[first] * rise[second]
+    is_same = facing > np.cos(np.radians(_SAME_WALL_DEG)) * rise[first] * rise[second]
     links = csr_matrix((np.ones(is_same.sum()), (first[is_same], second[is_same])), shape=(count, count))
     _, group = connected_components(links, directed=False)
     return [np.flatnonzero(is_wall & (group == k)) for k in np.unique(group[is_wall])]
@@ -120,29 +107,28 @@ def _fit_wall(
     planes: Planes,
     group: Int[np.ndarray, " G"],
     edge_length: float,
-    config: CreaseConfig,
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "2 2"]] | None:
     """Return the line of a wall at the middle of its height, where neither foot nor rim is rounded; and its ends."""
     members = np.isin(planes.labels, group)
     areas = np.asarray(mesh.area_faces)[members]
     facing = areas @ np.asarray(mesh.face_normals)[members] if len(areas) else np.zeros(3)
     size = np.hypot(facing[0], facing[1])
-    if size < config.wall_facing * areas.sum() or areas.sum() <= 0:
+    if size < _WALL_FACING * areas.sum() or areas.sum() <= 0:
         return None
     normal = facing[:2] / size
     line = np.append(normal, areas @ np.asarray(mesh.triangles_center)[members, :2] @ normal / areas.sum())
     corners = np.asarray(mesh.triangles)[members]
     along = corners[:, :, :2].reshape(-1, 2) @ [-normal[1], normal[0]]
-    low, high = np.quantile(corners[:, :, 2], [config.wall_trim, 1.0 - config.wall_trim])
-    reach = max(edge_length, config.wall_reach)
+    low, high = np.quantile(corners[:, :, 2], [_WALL_TRIM, 1.0 - _WALL_TRIM])
+    reach = max(edge_length, _WALL_REACH)
     centers = np.asarray(mesh.triangles_center)[:, :2]
     run = centers @ [-normal[1], normal[0]]
     is_part = (np.abs(centers @ normal - line[2]) < reach) & (run > along.min()) & (run < along.max())
-    is_part &= np.asarray(mesh.face_normals)[:, :2] @ normal > config.wall_cosine
-    points = _find_contours(mesh, is_part, low + (high - low) * np.array(config.wall_levels))
+    is_part &= np.asarray(mesh.face_normals)[:, :2] @ normal > _WALL_COSINE
+    points = _find_contours(mesh, is_part, low + (high - low) * np.array(_WALL_LEVELS))
     run = points @ [-normal[1], normal[0]]
-    if len(points) >= config.min_crossings and np.ptp(run) > config.min_wall * edge_length:
-        line = _fit_line(points, config.rounds)
+    if len(points) >= _MIN_CROSSINGS and np.ptp(run) > _MIN_WALL * edge_length:
+        line = _fit_line(points, _ROUNDS)
     direction = np.array([-line[1], line[0]])
     ends = np.quantile(corners[:, :, :2].reshape(-1, 2) @ direction, [0.0, 1.0])
     return line, line[2] * line[:2] + ends[:, None] * direction
@@ -242,57 +228,43 @@ _SAME_SIDE = 1e-4
 """Planes whose coefficients differ by less are one: corners are rounded to 1 µm."""
 
 
-@dataclass(frozen=True)
-class EdgeConfig:
-    """How hidden edges are moved.
-
-    Attributes:
-        clearance: a hidden edge lies this far beneath the plane that bodies come from [m]: more than they sink in, and
-            less than a body feels.
-        max_move: an end moves by no more than this [m]: on planes that hardly bend it would leave a gap.
-        reach: edges this close to another piece are hidden by it [m]: boxes stand out by as much.
-        edge_points: points along an edge that are looked at.
-        lift: ground lowered by less is not lowered, when a piece is left out [m].
-        piece_points: points a side of the grid on which a piece is looked at.
-    """
-
-    clearance: float = 5e-4
-    max_move: float = 0.01
-    reach: float = 3e-3
-    edge_points: int = 9
-    lift: float = 2e-4
-    piece_points: int = 160
+_CLEARANCE = 5e-4
+"""A hidden edge lies this far beneath the plane that bodies come from [m]: more than they sink in, and less
+than a body feels."""
+_MAX_MOVE = 0.01
+"""An end moves by no more than this [m]: on planes that hardly bend it would leave a gap."""
+_REACH = 3e-3
+"""Edges this close to another piece are hidden by it [m]: boxes stand out by as much."""
+_EDGE_POINTS = 9
+"""Points along an edge that are looked at."""
+_LIFT = 2e-4
+"""Ground lowered by less is not lowered, when a piece is left out [m]."""
+_PIECE_POINTS = 160
+"""Points a side of the grid on which a piece is looked at."""
 
 
-EDGE_DEFAULTS = EdgeConfig()
-
-
-def clear_hidden_edges(
-    pieces: list[trimesh.Trimesh], ground: Elevation, config: EdgeConfig = EDGE_DEFAULTS
-) -> list[trimesh.Trimesh]:
+def clear_hidden_edges(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
     """Return pieces without those that are hidden, whose hidden ends stop short of crests."""
-    kept = _drop_hidden(pieces, ground, config)
+    kept = _drop_hidden(pieces, ground)
     halfspaces = [find_halfspaces(piece) for piece in kept]
-    return [_shorten(i, kept, halfspaces, config) for i in range(len(kept))]
+    return [_shorten(i, kept, halfspaces) for i in range(len(kept))]
 
 
-def _drop_hidden(
-    pieces: list[trimesh.Trimesh], ground: Elevation, config: EdgeConfig
-) -> list[trimesh.Trimesh]:
+def _drop_hidden(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
     """Return the pieces, without those whose tops lie beneath others wherever there is ground, the smallest first."""
     halfspaces = {i: find_halfspaces(piece) for i, piece in enumerate(pieces)}
     for i in sorted(halfspaces, key=lambda i: float(pieces[i].volume)):
-        points = sample_grid(np.asarray(pieces[i].vertices), config.piece_points)
+        points = sample_grid(np.asarray(pieces[i].vertices), _PIECE_POINTS)
         points = points[np.isfinite(ground.height(*points.T))]
         own = find_tops(halfspaces[i], points)
         others = [find_tops(planes, points) for k, planes in halfspaces.items() if k != i]
-        if others and (own <= np.max(others, axis=0) + config.lift).all():
+        if others and (own <= np.max(others, axis=0) + _LIFT).all():
             del halfspaces[i]
     return [pieces[i] for i in sorted(halfspaces)]
 
 
 def _shorten(
-    i: int, pieces: list[trimesh.Trimesh], halfspaces: list[Float[np.ndarray, "H 4"]], config: EdgeConfig
+    i: int, pieces: list[trimesh.Trimesh], halfspaces: list[Float[np.ndarray, "H 4"]]
 ) -> trimesh.Trimesh:
     """Return a piece whose ends stop short of the crests that it has in common with other pieces."""
     piece, planes = pieces[i], halfspaces[i]
@@ -304,7 +276,7 @@ def _shorten(
             if ends is None:
                 continue
             others = (other for j, other in enumerate(halfspaces) if j != i)
-            moves += [_find_move(ends, side, top, other, config) for other in others]
+            moves += [_find_move(ends, side, top, other) for other in others]
         move = max(moves) or min(moves)
         if move:
             piece = _move_side(piece, side, move)
@@ -343,26 +315,25 @@ def _find_move(
     side: Float[np.ndarray, " 4"],
     top: Float[np.ndarray, " 4"],
     other: Float[np.ndarray, "H 4"],
-    config: EdgeConfig,
 ) -> float:
     """Return how far a side moves until its upper edge is clear of another piece's tops [m].
 
     Above 0 inwards, from a crest; below 0 outwards, where the edge ends at the foot of a slope; 0 where it may stay.
     """
-    share = np.linspace(0.0, 1.0, config.edge_points)[:, None]
+    share = np.linspace(0.0, 1.0, _EDGE_POINTS)[:, None]
     points = (1.0 - share) * ends[0] + share * ends[1]
     inwards = -side[:3] + (side[:3] @ top[:3]) * top[:3]
     inwards /= np.linalg.norm(inwards)
     is_top = other[:, 2] > STEEP
     around = other[~is_top]
-    is_near = (points @ around[:, :3].T + around[:, 3]).max(axis=1) < config.reach
+    is_near = (points @ around[:, :3].T + around[:, 3]).max(axis=1) < _REACH
     moves = [0.0]
     for plane in other[is_top]:
         heights = (points @ plane[:3] + plane[3])[is_near]
         fall = -float(plane[:3] @ inwards)
-        if not len(heights) or fall == 0 or np.abs(heights).max() > config.reach:
+        if not len(heights) or fall == 0 or np.abs(heights).max() > _REACH:
             continue
-        move = max(float(heights.max()) + config.clearance, 0.0) / fall * -float(side[:3] @ inwards)
-        if abs(move) <= config.max_move:
+        move = max(float(heights.max()) + _CLEARANCE, 0.0) / fall * -float(side[:3] @ inwards)
+        if abs(move) <= _MAX_MOVE:
             moves.append(move)
     return max(moves) or min(moves)

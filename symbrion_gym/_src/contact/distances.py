@@ -10,7 +10,6 @@ surface): how far contact stands in front of the surface.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -26,22 +25,12 @@ _LEAST_LENGTH = 1e-30
 """Keeps divisions by the length of a normal finite."""
 
 
-@dataclass(frozen=True)
-class DistanceConfig:
-    """How distances are measured.
-
-    Attributes:
-        num_points: points on the surface, and as many on the pieces: a share of 1 % is known to 0.1 %.
-        uncovered: a point of the surface farther than this from contact is uncovered [m]: half a Scout's height.
-        inside: a point of a piece deeper than this in another one cannot be touched [m].
-    """
-
-    num_points: int = 20_000
-    uncovered: float = 0.05
-    inside: float = 1e-5
-
-
-DISTANCE_DEFAULTS = DistanceConfig()
+_NUM_POINTS = 20_000
+"""Points on the surface, and as many on the pieces: a share of 1 % is known to 0.1 %."""
+UNCOVERED_BEYOND = 0.05
+"""A point of the surface farther than this from contact is uncovered [m]: half a Scout's height."""
+_INSIDE = 1e-5
+"""A point of a piece deeper than this in another one cannot be touched [m]."""
 
 
 class Gaps(NamedTuple):
@@ -70,13 +59,12 @@ class SurfaceDistance:
         points: `[N, 3]` samples of the surface [m].
     """
 
-    def __init__(self, surface: trimesh.Trimesh, config: DistanceConfig = DISTANCE_DEFAULTS) -> None:
+    def __init__(self, surface: trimesh.Trimesh) -> None:
         """Sample the surface."""
-        self.config = config
         self._vertices = np.ascontiguousarray(surface.vertices, dtype=np.float64)
         self._faces = np.ascontiguousarray(surface.faces, dtype=np.int64)
         self._normals = _find_normals(self._vertices, self._faces)
-        self.points = sample_area(self._vertices, self._faces, config.num_points)
+        self.points = sample_area(self._vertices, self._faces, _NUM_POINTS)
         _, face, _ = find_nearest(self.points, self._vertices, self._faces)
         self._directions = self._normals[face]
 
@@ -96,7 +84,7 @@ class SurfaceDistance:
         normals = _find_normals(vertices, faces)
         height = np.einsum("ni,ni->n", self.points - nearest, normals[face])
         gaps = np.where(height < 0, distance, -distance)
-        middles = sample_area(vertices, faces, self.config.num_points)
+        middles = sample_area(vertices, faces, _NUM_POINTS)
         distance, face, nearest = find_nearest(middles, self._vertices, self._faces)
         height = np.einsum("ni,ni->n", middles - nearest, self._normals[face])
         return Gaps(self.points, gaps, np.where(height > 0, distance, 0.0))
@@ -107,7 +95,7 @@ class SurfaceDistance:
 
     def summarize(self, gaps: Gaps, num_pieces: int, seconds: float = 0.0) -> ArenaQuality:
         """Return distances as figures."""
-        uncovered = float((np.abs(gaps.gaps) > self.config.uncovered).mean())
+        uncovered = float((np.abs(gaps.gaps) > UNCOVERED_BEYOND).mean())
         return ArenaQuality.of_gaps(gaps.gaps, uncovered, num_pieces, seconds, gaps.protrusions)
 
     def measure_mesh(
@@ -117,11 +105,11 @@ class SurfaceDistance:
         return find_nearest(self.points, vertices, faces)[0]
 
     def _find_protrusions(self, solids: ConvexSolids) -> Float[np.ndarray, " M"]:
-        points = sample_area(solids.vertices, solids.faces, self.config.num_points)
-        points = points[solids.find_depths(points) <= self.config.inside]
+        points = sample_area(solids.vertices, solids.faces, _NUM_POINTS)
+        points = points[solids.find_depths(points) <= _INSIDE]
         distance, face, nearest = find_nearest(points, self._vertices, self._faces)
         height = np.einsum("ni,ni->n", points - nearest, self._normals[face])
-        is_touchable = height > -self.config.uncovered
+        is_touchable = height > -UNCOVERED_BEYOND
         return np.where(height > 0, distance, 0.0)[is_touchable]
 
 

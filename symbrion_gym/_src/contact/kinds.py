@@ -32,31 +32,20 @@ _INSIDE = 1e-6
 """The grid of a height field begins this far inside the rim [m], so that the rim itself is hit."""
 
 
-@dataclass(frozen=True)
-class FieldConfig:
-    """When a terrain of many patches becomes a height field.
-
-    A step of a simulator costs what a robot has beneath it. The cost of a height field hardly depends on its cells,
-    that of pieces grows with their number: measured with a snake of eight Scouts, it is higher from about 50 a square
-    meter on.
-
-    Attributes:
-        least_density: pieces over the area in plan, from which on a height field is looked for [1/m²].
-        known: share of the grid within its rim that lies on the ground, at least: elsewhere a height field invents
-            ground.
-        share: the mean distance is at most this share of the accuracy, the 95th percentile this share of what is
-            good enough: a beam that grazes the ground feels a few millimeters.
-        coarsest: spacing of the grid that is tried first [m]: half a Scout.
-        finest: finer grids are not tried [m].
-        shrink: factor between the spacings that are tried.
-    """
-
-    least_density: float = 50.0
-    known: float = 0.98
-    share: float = 0.3
-    coarsest: float = 0.06
-    finest: float = 0.02
-    shrink: float = 0.8
+LEAST_DENSITY = 50.0
+"""Pieces over the area in plan, from which on a height field is looked for [1/m²]."""
+KNOWN = 0.98
+"""Share of the grid within its rim that lies on the ground, at least: elsewhere a height field invents
+ground."""
+SHARE = 0.3
+"""The mean distance is at most this share of the accuracy, the 95th percentile this share of what is good
+enough: a beam that grazes the ground feels a few millimeters."""
+COARSEST = 0.06
+"""Spacing of the grid that is tried first [m]: half a Scout."""
+FINEST = 0.02
+"""Finer grids are not tried [m]."""
+SHRINK = 0.8
+"""Factor between the spacings that are tried."""
 
 
 class HeightField(NamedTuple):

@@ -25,32 +25,17 @@ _FLAT = 1e-9
 """Points whose spread along an axis is smaller lie in a plane [m]."""
 
 
-@dataclass(frozen=True)
-class PatchConfig:
-    """How triangles are joined to convex patches.
-
-    Attributes:
-        max_tilt_deg: a face of a patch is turned from the mean of the patch by no more: a solid behind a more strongly
-            bent patch would reach far beneath the surface.
-        max_vertices: a patch has no more vertices: with those behind the surface, twice as many make a solid, and
-            MuJoCo's contacts slow down with more than 64.
-        depth_share: a convex patch may bulge by this share of its thickness.
-        steps: shares of the tolerance at which all neighbors are tried, the finest first: so that what fits exactly
-            is joined before what fits loosely.
-    """
-
-    max_tilt_deg: float = 35.0
-    max_vertices: int = 28
-    depth_share: float = 0.5
-    steps: tuple[float, ...] = (0.05, 0.3, 1.0)
-
-    @property
-    def min_cosine(self) -> float:
-        """Cosine of `max_tilt_deg`."""
-        return math.cos(math.radians(self.max_tilt_deg))
-
-
-PATCH_DEFAULTS = PatchConfig()
+_MAX_TILT_DEG = 35.0
+"""A face of a patch is turned from the mean of the patch by no more: a solid behind a more strongly bent patch
+would reach far beneath the surface."""
+_MAX_VERTICES = 28
+"""A patch has no more vertices: with those behind the surface, twice as many make a solid, and MuJoCo's
+contacts slow down with more than 64."""
+_DEPTH_SHARE = 0.5
+"""A convex patch may bulge by this share of its thickness."""
+_STEPS = (0.05, 0.3, 1.0)
+"""Shares of the tolerance at which all neighbors are tried, the finest first: so that what fits exactly is
+joined before what fits loosely."""
 
 
 @dataclass
@@ -84,14 +69,13 @@ def join_faces(
     mesh: trimesh.Trimesh,
     depths: Float[np.ndarray, " V"],
     tolerance: float,
-    config: PatchConfig = PATCH_DEFAULTS,
 ) -> list[Int[np.ndarray, " M"]]:
     """Return the faces of each convex patch."""
     patches = _make_patches(mesh, depths)
     order = _order_edges(mesh)
     owner = np.arange(len(mesh.faces))
     vertices, count = np.asarray(mesh.vertices), len(owner)
-    for share in config.steps:
+    for share in _STEPS:
         failed: set[tuple[int, int]] = set()
         has_joined = True
         while has_joined:
@@ -104,7 +88,7 @@ def join_faces(
                 pair = (patches[a].number, patches[b].number)
                 if pair in failed:
                     continue
-                joined = _join(patches[a], patches[b], vertices, share * tolerance, count, config)
+                joined = _join(patches[a], patches[b], vertices, share * tolerance, count)
                 if joined is None:
                     failed.add(pair)
                     continue
@@ -153,11 +137,10 @@ def _join(
     vertices: Float[np.ndarray, "V 3"],
     tolerance: float,
     number: int,
-    config: PatchConfig,
 ) -> _Patch | None:
     """Return two patches as one with a number of its own; None where that is not convex within the tolerance."""
     members = a.vertices | b.vertices
-    if len(members) > config.max_vertices:
+    if len(members) > _MAX_VERTICES:
         return None
     normal = a.normal + b.normal
     length = math.sqrt(float(normal @ normal))
@@ -166,14 +149,14 @@ def _join(
     axis = normal / length
     normals = np.concatenate([a.normals, b.normals])
     cosines = normals @ axis
-    if cosines.min() < config.min_cosine:
+    if cosines.min() < math.cos(math.radians(_MAX_TILT_DEG)):
         return None
     depth = min(a.depth, b.depth)
     numbers = sorted(members)
     points = vertices[numbers]
     heights = points @ axis
     bulge = float(heights.max() - heights.min())
-    if bulge > max(tolerance, config.depth_share * depth):
+    if bulge > max(tolerance, _DEPTH_SHARE * depth):
         return None
     areas = np.concatenate([a.areas, b.areas])
     boundary = a.boundary ^ b.boundary

@@ -13,7 +13,6 @@ Differs: candidates are the flattest places in order, not random samples, so equ
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,52 +31,42 @@ _LEAST_RISE = 0.05
 """Walls are given as planes that rise by 20 per 1: steeper than any ground, finite."""
 
 
-@dataclass(frozen=True)
-class PlaneConfig:
-    """How planes are found in a noisy mesh.
-
-    Attributes:
-        max_angle_deg: largest angle between a face and the plane it belongs to; noise turns small faces this far.
-        rings: neighbors over which the noise at a face is averaged, in steps over edges.
-        noise_reach: faces within this many standard deviations of the noise may be on a plane.
-        max_planes: no more are looked for; a mesh with more is rough ground, for which planes are no model.
-        min_faces: a plane has the area of this many median faces, within `min_area` and `max_min_area`.
-        min_area: share of the whole area that a plane has at least.
-        max_min_area: share of the whole area that always suffices for a plane.
-        max_rounds: of growing one region, and of moving faces between regions; both end by themselves earlier.
-        neighbor_cost: what a neighbor on another plane costs a face, in squared reaches: keeps borders short.
-        tilt_cost: what a face costs that is turned by more than `max_angle_deg`, likewise.
-        max_distance_cost: what a distance costs at most, likewise: one bad face does not decide.
-        no_plane_cost: what a face without a plane costs, likewise.
-        border_weight: faces at the border of a region count this much: they may lie on a chamfer.
-        merge_deviation: two planes are one if its deviation stays below this share of the tolerance ...
-        merge_noise: ... or below this share of the noise ...
-        merge_cosine: ... and the joint plane is turned against both by less than the angle of this cosine.
-        chamfer_angle_deg: a narrow strip that bends from its neighbors by more is an edge cut off, not a plane.
-        chamfer_width: such a strip is narrower than this many median edges.
-    """
-
-    max_angle_deg: float = 40.0
-    rings: int = 3
-    noise_reach: float = 3.0
-    max_planes: int = 400
-    min_faces: float = 6.0
-    min_area: float = 1e-3
-    max_min_area: float = 0.03
-    max_rounds: int = 12
-    neighbor_cost: float = 0.25
-    tilt_cost: float = 2.0
-    max_distance_cost: float = 4.0
-    no_plane_cost: float = 1.5
-    border_weight: float = 0.02
-    merge_deviation: float = 0.3
-    merge_noise: float = 0.5
-    merge_cosine: float = 0.98
-    chamfer_angle_deg: float = 20.0
-    chamfer_width: float = 1.5
-
-
-PLANE_DEFAULTS = PlaneConfig()
+_MAX_ANGLE_DEG = 40.0
+"""Largest angle between a face and the plane it belongs to; noise turns small faces this far."""
+_RINGS = 3
+"""Neighbors over which the noise at a face is averaged, in steps over edges."""
+_NOISE_REACH = 3.0
+"""Faces within this many standard deviations of the noise may be on a plane."""
+_MAX_PLANES = 400
+"""No more are looked for; a mesh with more is rough ground, for which planes are no model."""
+_MIN_FACES = 6.0
+"""A plane has the area of this many median faces, within `min_area` and `max_min_area`."""
+_MIN_AREA = 1e-3
+"""Share of the whole area that a plane has at least."""
+_MAX_MIN_AREA = 0.03
+"""Share of the whole area that always suffices for a plane."""
+_MAX_ROUNDS = 12
+"""Of growing one region, and of moving faces between regions; both end by themselves earlier."""
+_NEIGHBOR_COST = 0.25
+"""What a neighbor on another plane costs a face, in squared reaches: keeps borders short."""
+_TILT_COST = 2.0
+"""What a face costs that is turned by more than `max_angle_deg`, likewise."""
+_MAX_DISTANCE_COST = 4.0
+"""What a distance costs at most, likewise: one bad face does not decide."""
+_NO_PLANE_COST = 1.5
+"""What a face without a plane costs, likewise."""
+_BORDER_WEIGHT = 0.02
+"""Faces at the border of a region count this much: they may lie on a chamfer."""
+_MERGE_DEVIATION = 0.3
+"""Two planes are one if its deviation stays below this share of the tolerance."""
+_MERGE_NOISE = 0.5
+"""... or below this share of the noise."""
+_MERGE_COSINE = 0.98
+"""... and the joint plane is turned against both by less than the angle of this cosine."""
+_CHAMFER_ANGLE_DEG = 20.0
+"""A narrow strip that bends from its neighbors by more is an edge cut off, not a plane."""
+_CHAMFER_WIDTH = 1.5
+"""Such a strip is narrower than this many median edges."""
 
 
 class Planes(NamedTuple):
@@ -106,22 +95,21 @@ def find_planes(
     tolerance: float,
     min_area: float | None = None,
     is_exceeded: Callable[[], bool] = never,
-    config: PlaneConfig = PLANE_DEFAULTS,
 ) -> Planes:
     """Find the planes that a mesh is made of."""
-    surface = _FaceSurface(mesh, config)
+    surface = _FaceSurface(mesh)
     roughness, smooth_normals, smooth_offsets = surface.smooth()
     noise = float(np.median(roughness))
-    reach = max(tolerance, config.noise_reach * noise)
+    reach = max(tolerance, _NOISE_REACH * noise)
     if min_area is None:
         total, median = float(surface.areas.sum()), float(np.median(surface.areas))
-        least = max(config.min_faces * median, config.min_area * total)
-        min_area = min(least, config.max_min_area * total)
+        least = max(_MIN_FACES * median, _MIN_AREA * total)
+        min_area = min(least, _MAX_MIN_AREA * total)
     labels = np.full(len(surface.areas), -1)
     is_seed = np.ones(len(labels), dtype=bool)
     count = 0
     for seed in np.argsort(roughness, kind="stable"):
-        if not is_seed[seed] or count >= config.max_planes:
+        if not is_seed[seed] or count >= _MAX_PLANES:
             continue
         if is_exceeded():
             break
@@ -134,7 +122,7 @@ def find_planes(
     if not count:
         return Planes(np.zeros((0, 3)), np.zeros(0), labels, noise)
     labels = surface.relabel(labels, count, reach)
-    labels = surface.merge(labels, reach / config.noise_reach, tolerance)
+    labels = surface.merge(labels, reach / _NOISE_REACH, tolerance)
     labels = surface.drop_chamfers(labels, float(np.median(mesh.edges_unique_length)))
     labels = _number(labels)
     if labels.max() < 0:
@@ -153,9 +141,8 @@ def _number(labels: Int[np.ndarray, " F"]) -> Int[np.ndarray, " F"]:
 class _FaceSurface:
     """The faces of a mesh with their moments and neighbors."""
 
-    def __init__(self, mesh: trimesh.Trimesh, config: PlaneConfig) -> None:
-        self.config = config
-        self._min_cosine = np.cos(np.radians(config.max_angle_deg))
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self._min_cosine = np.cos(np.radians(_MAX_ANGLE_DEG))
         self.areas = np.asarray(mesh.area_faces, dtype=np.float64)
         if not self.areas.sum() > 0:
             raise ArenaError("the mesh has no face with an area")
@@ -173,7 +160,7 @@ class _FaceSurface:
         """Return roughness [m], normals and offsets of planes fitted to each face and the rings around it."""
         moments = self.moments.reshape(-1, 16)
         normals = self.normals * self.areas[:, None]
-        for _ in range(self.config.rings):
+        for _ in range(_RINGS):
             moments = moments + self.adjacency @ moments
             normals = normals + self.adjacency @ normals
         planes, offsets, deviation = fit_planes(moments.reshape(-1, 4, 4))
@@ -197,7 +184,7 @@ class _FaceSurface:
     ) -> Int[np.ndarray, " M"]:
         """Return the free faces that lie on one plane and are connected with the seed."""
         members = np.array([seed])
-        for _ in range(self.config.max_rounds):
+        for _ in range(_MAX_ROUNDS):
             is_near = is_free & (measure_deviations(self.moments, normal, offset) < reach)
             is_near &= self.normals @ normal > self._min_cosine
             is_near[seed] = True
@@ -215,14 +202,14 @@ class _FaceSurface:
 
     def relabel(self, labels: Int[np.ndarray, " F"], count: int, reach: float) -> Int[np.ndarray, " F"]:
         """Let each face move to the plane of a neighbor that fits it better (iterated conditional modes)."""
-        for _ in range(self.config.max_rounds):
+        for _ in range(_MAX_ROUNDS):
             planes = self.fit_regions(labels, count)
             candidates = np.concatenate([np.arange(len(labels))[:, None], self._neighbors()], axis=1)
             candidate = np.where(candidates >= 0, labels[candidates], -1)
             cost = self._cost(planes, candidate, reach)
             # Potts: every neighbor of another plane costs as much as half the reach (0.25 of its square).
             differs = (candidate[:, :, None] != candidate[:, None, 1:]) & (candidates[:, None, 1:] >= 0)
-            cost += self.config.neighbor_cost * differs.sum(axis=2)
+            cost += _NEIGHBOR_COST * differs.sum(axis=2)
             best = np.argmin(cost, axis=1)
             moved = candidate[np.arange(len(labels)), best]
             if np.array_equal(moved, labels):
@@ -254,15 +241,15 @@ class _FaceSurface:
         square = np.maximum(square, 0.0) / np.maximum(self.areas, _LEAST_MASS)[:, None]
         tilt = 1.0 - np.einsum("fki,fi->fk", normals[candidate], self.normals)
         is_too_steep = tilt > 1.0 - self._min_cosine
-        cost = np.minimum(square / reach**2, self.config.max_distance_cost) + tilt
-        cost = cost + self.config.tilt_cost * is_too_steep
-        return np.where(candidate < 0, self.config.no_plane_cost, cost)
+        cost = np.minimum(square / reach**2, _MAX_DISTANCE_COST) + tilt
+        cost = cost + _TILT_COST * is_too_steep
+        return np.where(candidate < 0, _NO_PLANE_COST, cost)
 
     def fit_regions(
         self, labels: Int[np.ndarray, " F"], count: int
     ) -> tuple[Float[np.ndarray, "count 3"], Float[np.ndarray, " count"]]:
         """Return normals and offsets of the planes of regions; faces at the border of a region count little."""
-        weight = weigh_faces(labels, self.pairs, self.config.border_weight)
+        weight = weigh_faces(labels, self.pairs, _BORDER_WEIGHT)
         sums = np.zeros((count, 4, 4))
         np.add.at(sums, np.maximum(labels, 0), self.moments * weight[:, None, None])
         facing = np.zeros((count, 3))
@@ -277,15 +264,15 @@ class _FaceSurface:
         sums = np.zeros((count, 4, 4))
         np.add.at(sums, labels[labels >= 0], self.moments[labels >= 0])
         contacts = self._find_contacts(labels)
-        into, close = np.arange(count), self.config.merge_deviation
+        into, close = np.arange(count), _MERGE_DEVIATION
         while len(contacts):
             normals, _, deviations = fit_planes(sums)
             first, second = contacts.T
             joint, _, deviation = fit_planes(sums[first] + sums[second])
             apart = np.maximum(deviations[first], deviations[second])
-            limit = np.maximum(np.hypot(apart, close * tolerance), self.config.merge_noise * noise)
+            limit = np.maximum(np.hypot(apart, close * tolerance), _MERGE_NOISE * noise)
             tilts = [np.abs(np.einsum("ci,ci->c", joint, normals[side])) for side in (first, second)]
-            ratio = np.where(np.minimum(*tilts) > self.config.merge_cosine, deviation / limit, np.inf)
+            ratio = np.where(np.minimum(*tilts) > _MERGE_COSINE, deviation / limit, np.inf)
             best = int(np.argmin(ratio))
             if ratio[best] >= 1.0:
                 break
@@ -299,8 +286,8 @@ class _FaceSurface:
     def drop_chamfers(self, labels: Int[np.ndarray, " F"], edge_length: float) -> Int[np.ndarray, " F"]:
         """Drop regions a triangle wide that bend sharply from what is around: edges that the mesh cut off."""
         kept = labels.copy()
-        width = self.config.chamfer_width * edge_length
-        min_cosine = np.cos(np.radians(self.config.chamfer_angle_deg))
+        width = _CHAMFER_WIDTH * edge_length
+        min_cosine = np.cos(np.radians(_CHAMFER_ANGLE_DEG))
         sides = np.where(labels >= 0, labels, -1)[self.pairs]
         for region in np.unique(labels[labels >= 0]):
             members = np.flatnonzero(labels == region)

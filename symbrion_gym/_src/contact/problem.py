@@ -15,7 +15,7 @@ from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.contact.deadline import Deadline
 from symbrion_gym._src.contact.distances import SurfaceDistance, find_nearest
 from symbrion_gym._src.contact.kinds import Contact
-from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
+from symbrion_gym._src.contact.options import CONTACT_AIM, ContactOptions
 from symbrion_gym._src.contact.planes import Planes, find_planes
 from symbrion_gym._src.contact.primitives import find_few_planes
 from symbrion_gym._src.contact.simplification import split_long_edges
@@ -45,19 +45,14 @@ class ContactProblem:
     known_shape: Shape | None = None
 
     @property
-    def config(self) -> ContactConfig:
-        """What tunes each pass."""
-        return self.options.config
-
-    @property
     def aim(self) -> float:
         """Distance that patches aim at [m]."""
-        return self.config.aim * self.accuracy
+        return CONTACT_AIM * self.accuracy
 
     @cached_property
     def distance(self) -> SurfaceDistance:
         """Distances of pieces from the surface."""
-        return SurfaceDistance(self.surface, self.config.distance)
+        return SurfaceDistance(self.surface)
 
     @cached_property
     def ground(self) -> Elevation:
@@ -67,20 +62,20 @@ class ContactProblem:
     @cached_property
     def shape(self) -> Shape:
         """Kind of the surface."""
-        return self.known_shape or find_shape(self.surface, self.ground, self.config.shapes)
+        return self.known_shape or find_shape(self.surface, self.ground)
 
     @cached_property
     def solid(self) -> trimesh.Trimesh | None:
         """The closed solid that the surface bounds, small holes closed; None where it is open."""
         if self.shape == "terrain":
             return None
-        closed = close_holes(self.surface, self.config.shapes)
+        closed = close_holes(self.surface)
         return closed if closed.is_watertight and closed.volume > 0 else None
 
     @cached_property
     def top(self) -> trimesh.Trimesh:
         """What of a terrain is ground or wall, cut finer where its faces are large."""
-        return split_long_edges(take_top(self.surface, self.config.shapes), self.config.subdivision)
+        return split_long_edges(take_top(self.surface))
 
     @cached_property
     def top_ground(self) -> Elevation:
@@ -90,16 +85,12 @@ class ContactProblem:
     @cached_property
     def planes(self) -> Planes:
         """Planes of the whole surface."""
-        return find_planes(
-            self.surface, self.aim, is_exceeded=self.deadline.is_over, config=self.config.planes
-        )
+        return find_planes(self.surface, self.aim, is_exceeded=self.deadline.is_over)
 
     @cached_property
     def terrain_planes(self) -> tuple[Planes, float]:
         """Planes of the top of a terrain, few if it has few, and the tolerance that they were found with [m]."""
-        return find_few_planes(
-            self.top, self.accuracy, self.config.slab_pass, self.config.planes, self.deadline.is_over
-        )
+        return find_few_planes(self.top, self.accuracy, self.deadline.is_over)
 
     def is_seen_from_behind(self, places: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
         """Return which places on the surface were seen from behind, too."""

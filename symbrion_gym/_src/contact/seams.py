@@ -11,7 +11,6 @@ the crease that it should end at. Each piece is taken as an intersection of half
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -32,39 +31,28 @@ _INSIDE = 1e-3
 """The inner point of a piece stays this far beneath a plane that cuts it [m]."""
 
 
-@dataclass(frozen=True)
-class SeamConfig:
-    """How pieces are mended.
-
-    Attributes:
-        overlap: neighbors overlap by this, where that lifts no ground [m].
-        reach: dropping a half-space may let a piece grow by no more than this [m].
-        lift: ground lifted by less is not lifted [m].
-        noise: a piece may rise to the terrain, and this far above it [m].
-        max_loss: a cut may move no ground away from the terrain by more than this [m].
-        touching: pieces whose bounds are this close are neighbors [m].
-        piece_points: points a side of the grid on which a piece is looked at.
-        change_points: points a side of the grid on which a change is looked at.
-    """
-
-    overlap: float = 0.03
-    reach: float = 0.05
-    lift: float = 2e-4
-    noise: float = 1e-3
-    max_loss: float = 1e-3
-    touching: float = 0.01
-    piece_points: int = 160
-    change_points: int = 48
-
-
-SEAM_DEFAULTS = SeamConfig()
+_OVERLAP = 0.03
+"""Neighbors overlap by this, where that lifts no ground [m]."""
+_REACH = 0.05
+"""Dropping a half-space may let a piece grow by no more than this [m]."""
+_LIFT = 2e-4
+"""Ground lifted by less is not lifted [m]."""
+_NOISE = 1e-3
+"""A piece may rise to the terrain, and this far above it [m]."""
+_MAX_LOSS = 1e-3
+"""A cut may move no ground away from the terrain by more than this [m]."""
+_TOUCHING = 0.01
+"""Pieces whose bounds are this close are neighbors [m]."""
+_PIECE_POINTS = 160
+"""Points a side of the grid on which a piece is looked at."""
+_CHANGE_POINTS = 48
+"""Points a side of the grid on which a change is looked at."""
 
 
 def mend_pieces(
     pieces: list[trimesh.Trimesh],
     ground: Elevation,
     is_exceeded: Callable[[], bool] = never,
-    config: SeamConfig = SEAM_DEFAULTS,
 ) -> list[trimesh.Trimesh]:
     """Return pieces whose union is the same ground, with closed seams, overlap and fewer corners."""
     mended = list(pieces)
@@ -72,7 +60,7 @@ def mend_pieces(
         for i in range(len(mended)):
             if is_exceeded():
                 return mended
-            mended[i] = change(i, mended, ground, config)
+            mended[i] = change(i, mended, ground)
     return mended
 
 
@@ -82,7 +70,6 @@ def _is_hidden(
     points: Float[np.ndarray, "N 2"],
     others: Elevation,
     ground: Elevation,
-    config: SeamConfig,
     air: bool,
 ) -> bool:
     """Return whether a piece that grew shows nowhere: beneath what was there, or (air) beyond the rim."""
@@ -93,32 +80,32 @@ def _is_hidden(
     points, old, new = points[grew], old[grew], new[grew]
     height = ground.height(*points.T)
     neighbors = np.nan_to_num(others.height(*points.T), nan=-np.inf)
-    is_lifted = (new > np.maximum(old, neighbors) + config.lift) & ~(new < height + config.noise)
+    is_lifted = (new > np.maximum(old, neighbors) + _LIFT) & ~(new < height + _NOISE)
     is_beyond = np.isnan(height) if air else np.zeros(len(points), dtype=bool)
     return not (is_lifted & ~is_beyond).any()
 
 
-def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation, config: SeamConfig) -> trimesh.Trimesh:
+def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Trimesh:
     """Cut a piece by the tops of its neighbors, where it sticks out above them and loses no ground."""
     piece = pieces[i]
     halfspaces, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
-    points = sample_grid(np.asarray(piece.vertices), config.piece_points)
+    points = sample_grid(np.asarray(piece.vertices), _PIECE_POINTS)
     height, before = ground.height(*points.T), find_tops(halfspaces, points)
     for j, other in enumerate(pieces):
-        if j == i or not _do_touch(piece, other, config.touching):
+        if j == i or not _do_touch(piece, other, _TOUCHING):
             continue
         for plane in find_halfspaces(other):
-            is_cut = (np.asarray(piece.vertices) @ plane[:3] + plane[3]).max() > config.lift
+            is_cut = (np.asarray(piece.vertices) @ plane[:3] + plane[3]).max() > _LIFT
             if plane[2] < STEEP or plane[:3] @ inner + plane[3] > -_INSIDE or not is_cut:
                 continue
             lowered = before > -(points @ plane[:2] + plane[3]) / plane[2]
             after = before.copy()
             after[lowered] = find_tops(np.vstack([halfspaces, plane]), points[lowered])
-            lowered[lowered] = before[lowered] - after[lowered] > config.lift
+            lowered[lowered] = before[lowered] - after[lowered] > _LIFT
             if not lowered.any():
                 continue
             gain = np.abs(before - height)[lowered] - np.abs(after - height)[lowered]
-            if np.nansum(gain) <= 0 or np.nanmin(gain, initial=0.0) <= -config.max_loss:
+            if np.nansum(gain) <= 0 or np.nanmin(gain, initial=0.0) <= -_MAX_LOSS:
                 continue
             if (made := make_solid(np.vstack([halfspaces, plane]), inner)) is not None:
                 piece, halfspaces = made, find_halfspaces(made)
@@ -131,7 +118,7 @@ def _do_touch(first: trimesh.Trimesh, second: trimesh.Trimesh, reach: float) -> 
     return bool(gap.max() < reach)
 
 
-def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation, config: SeamConfig) -> trimesh.Trimesh:
+def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Trimesh:
     """Move each side of a piece outwards beneath its neighbors, where that lifts nothing."""
     piece = pieces[i]
     others = Elevation(*pieces[:i], *pieces[i + 1 :])
@@ -140,7 +127,7 @@ def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation, config: Sea
         if abs(halfspaces[k, 2]) > STEEP:
             continue
         wider = halfspaces.copy()
-        wider[k, 3] -= config.overlap
+        wider[k, 3] -= _OVERLAP
         made = make_solid(wider, inner)
         if made is None:
             continue
@@ -148,15 +135,13 @@ def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation, config: Sea
         grown = vertices[vertices @ halfspaces[k, :3] + halfspaces[k, 3] > -_ON_PLANE]
         face = np.asarray(piece.vertices)
         face = face[face @ halfspaces[k, :3] + halfspaces[k, 3] > -_ON_FACE]
-        points = sample_grid(np.concatenate([grown, face]), config.change_points)
-        if len(grown) and _is_hidden(halfspaces, wider, points, others, ground, config, air=False):
+        points = sample_grid(np.concatenate([grown, face]), _CHANGE_POINTS)
+        if len(grown) and _is_hidden(halfspaces, wider, points, others, ground, air=False):
             piece, halfspaces = made, wider
     return piece
 
 
-def _simplify(
-    i: int, pieces: list[trimesh.Trimesh], ground: Elevation, config: SeamConfig
-) -> trimesh.Trimesh:
+def _simplify(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Trimesh:
     """Drop the half-spaces of a piece that make no difference, the smallest faces first."""
     piece = pieces[i]
     others = Elevation(*pieces[:i], *pieces[i + 1 :])
@@ -169,35 +154,23 @@ def _simplify(
             continue
         vertices = np.asarray(made.vertices)
         growth = (vertices @ first[:, :3].T + first[:, 3]).max(axis=1)
-        if growth.max() > config.reach:
+        if growth.max() > _REACH:
             continue
         is_new = vertices @ plane[:3] + plane[3] > -_ON_PLANE
-        points = sample_grid(vertices[is_new], config.change_points) if is_new.any() else np.zeros((0, 2))
-        if growth.max() < _ON_PLANE or _is_hidden(first, fewer, points, others, ground, config, air=True):
+        points = sample_grid(vertices[is_new], _CHANGE_POINTS) if is_new.any() else np.zeros((0, 2))
+        if growth.max() < _ON_PLANE or _is_hidden(first, fewer, points, others, ground, air=True):
             piece, kept = made, fewer
     return piece
 
 
-@dataclass(frozen=True)
-class SharingConfig:
-    """Which regions share a plane.
-
-    Attributes:
-        shift: the common plane lies off that of each region by no more than this share of the tolerance
-            (root-mean-square over the region): less than a body feels.
-        border_weight: faces at the border of a region count this much: they may lie on a chamfer.
-    """
-
-    shift: float = 0.3
-    border_weight: float = 0.02
+_SHIFT = 0.3
+"""The common plane lies off that of each region by no more than this share of the tolerance (root-mean-square
+over the region): less than a body feels."""
+_BORDER_WEIGHT = 0.02
+"""Faces at the border of a region count this much: they may lie on a chamfer."""
 
 
-SHARING_DEFAULTS = SharingConfig()
-
-
-def share_planes(
-    mesh: trimesh.Trimesh, planes: Planes, tolerance: float, config: SharingConfig = SHARING_DEFAULTS
-) -> Planes:
+def share_planes(mesh: trimesh.Trimesh, planes: Planes, tolerance: float) -> Planes:
     """Return planes with equal normals and offsets where one plane serves several regions; labels stay.
 
     The closest two groups of regions are joined first, while the common plane serves all regions of both.
@@ -205,7 +178,7 @@ def share_planes(
     if not len(planes.normals):
         return planes
     origin = np.asarray(mesh.triangles_center).mean(axis=0)
-    sums = _sum_regions(mesh, planes, origin, config)
+    sums = _sum_regions(mesh, planes, origin)
     _, _, own = fit_planes(sums)
     groups: dict[int, list[int]] = {k: [k] for k in range(len(sums))}
     shifts = {
@@ -213,7 +186,7 @@ def share_planes(
     }
     while shifts:
         i, j = min(shifts, key=lambda pair: shifts[pair])
-        if shifts[i, j] > config.shift * tolerance:
+        if shifts[i, j] > _SHIFT * tolerance:
             break
         groups[i] += groups.pop(j)
         shifts = {pair: shift for pair, shift in shifts.items() if j not in pair}
@@ -230,10 +203,10 @@ def share_planes(
 
 
 def _sum_regions(
-    mesh: trimesh.Trimesh, planes: Planes, origin: Float[np.ndarray, " 3"], config: SharingConfig
+    mesh: trimesh.Trimesh, planes: Planes, origin: Float[np.ndarray, " 3"]
 ) -> Float[np.ndarray, "R 4 4"]:
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
-    weights = weigh_faces(planes.labels, pairs, config.border_weight)
+    weights = weigh_faces(planes.labels, pairs, _BORDER_WEIGHT)
     sums = np.zeros((len(planes.normals), 4, 4))
     np.add.at(sums, np.maximum(planes.labels, 0), find_moments(mesh, origin) * weights[:, None, None])
     return sums

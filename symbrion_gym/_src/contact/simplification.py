@@ -2,74 +2,59 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from symbrion_gym._src.contact.acceptance import AcceptanceConfig
-from symbrion_gym._src.contact.distances import SurfaceDistance
+from symbrion_gym._src.contact.acceptance import ACCEPTANCE_P95, UNCOVERED
+from symbrion_gym._src.contact.distances import UNCOVERED_BEYOND, SurfaceDistance
 from symbrion_gym._src.contact.planes import Planes
 
-
-@dataclass(frozen=True)
-class SimplificationConfig:
-    """How far a surface is simplified.
-
-    Attributes:
-        share: the error of simplification is this share of what patches aim at; joining triangles takes the rest.
-        fewest: number of triangles that is tried first.
-        growth: factor between the numbers that are tried.
-        worst: of a drawn surface no place is farther off than this many times what patches aim at: it has no noise,
-            and one edge too few takes a tread away, which no mean shows. A scan has spikes of noise, which cost pieces.
-        drawn: a surface is drawn where at least this share of its area lies in faces that are flat with a neighbor ...
-        flat: ... to within this angle [rad]: noise never leaves two triangles as flat.
-    """
-
-    share: float = 0.6
-    fewest: int = 12
-    growth: float = 1.12
-    worst: float = 3.0
-    drawn: float = 0.5
-    flat: float = 1e-3
+_SHARE = 0.6
+"""The error of simplification is this share of what patches aim at; joining triangles takes the rest."""
+_FEWEST = 12
+"""Number of triangles that is tried first."""
+GROWTH = 1.12
+"""Factor between the numbers that are tried."""
+_WORST = 3.0
+"""Of a drawn surface no place is farther off than this many times what patches aim at: it has no noise, and one
+edge too few takes a tread away, which no mean shows. A scan has spikes of noise, which cost pieces."""
+_DRAWN = 0.5
+"""A surface is drawn where at least this share of its area lies in faces that are flat with a neighbor."""
+_FLAT = 1e-3
+"""... to within this angle [rad]: noise never leaves two triangles as flat."""
 
 
-SIMPLIFICATION_DEFAULTS = SimplificationConfig()
-
-
-def is_drawn(surface: trimesh.Trimesh, config: SimplificationConfig = SIMPLIFICATION_DEFAULTS) -> bool:
+def is_drawn(surface: trimesh.Trimesh) -> bool:
     """Return whether a surface was drawn, not scanned: most of its faces are flat with a neighbor."""
     pairs = np.asarray(surface.face_adjacency).reshape(-1, 2)
     is_flat = np.zeros(len(surface.faces), dtype=bool)
-    is_flat[pairs[np.asarray(surface.face_adjacency_angles) < config.flat].ravel()] = True
+    is_flat[pairs[np.asarray(surface.face_adjacency_angles) < _FLAT].ravel()] = True
     areas = np.asarray(surface.area_faces)
-    return bool(areas[is_flat].sum() >= config.drawn * areas.sum())
+    return bool(areas[is_flat].sum() >= _DRAWN * areas.sum())
 
 
-def list_counts(num_faces: int, config: SimplificationConfig = SIMPLIFICATION_DEFAULTS) -> list[int]:
+def list_counts(num_faces: int) -> list[int]:
     """Return the numbers of triangles that are tried, the fewest first; the last is all."""
-    steps = int(np.ceil(np.log(max(num_faces / config.fewest, 1.0)) / np.log(config.growth)))
-    return [*(int(config.fewest * config.growth**k) for k in range(steps)), num_faces]
+    steps = int(np.ceil(np.log(max(num_faces / _FEWEST, 1.0)) / np.log(GROWTH)))
+    return [*(int(_FEWEST * GROWTH**k) for k in range(steps)), num_faces]
 
 
 def find_simple(
     surface: trimesh.Trimesh,
     distance: SurfaceDistance,
     accuracy: float,
-    acceptance: AcceptanceConfig,
-    config: SimplificationConfig = SIMPLIFICATION_DEFAULTS,
     is_exact: bool = False,
 ) -> int:
     """Return the index in `list_counts` of the fewest triangles that follow the samples closely enough."""
-    worst = config.worst * accuracy if is_exact else float("inf")
-    counts = list_counts(len(surface.faces), config)
+    worst = _WORST * accuracy if is_exact else float("inf")
+    counts = list_counts(len(surface.faces))
     low, high = 0, len(counts) - 1
     while low < high:
         middle = (low + high) // 2
         simple = simplify_surface(surface, counts[middle])
         gaps = distance.measure_mesh(np.asarray(simple.vertices), np.asarray(simple.faces))
-        is_close = _is_close(gaps, distance.config.uncovered, accuracy, acceptance, config.share)
+        is_close = _is_close(gaps, UNCOVERED_BEYOND, accuracy, _SHARE)
         if is_close and gaps.max() <= worst:
             high = middle
         else:
@@ -77,13 +62,11 @@ def find_simple(
     return low
 
 
-def _is_close(
-    gaps: Float[np.ndarray, " N"], reach: float, accuracy: float, acceptance: AcceptanceConfig, share: float
-) -> bool:
+def _is_close(gaps: Float[np.ndarray, " N"], reach: float, accuracy: float, share: float) -> bool:
     return bool(
         gaps.mean() <= share * accuracy
-        and np.percentile(gaps, 95) <= share * acceptance.p95 * accuracy
-        and (gaps > reach).mean() <= share * acceptance.uncovered
+        and np.percentile(gaps, 95) <= share * ACCEPTANCE_P95 * accuracy
+        and (gaps > reach).mean() <= share * UNCOVERED
     )
 
 
@@ -109,25 +92,13 @@ def simplify_surface(surface: trimesh.Trimesh, count: int) -> trimesh.Trimesh:
     return simple if is_sound else surface
 
 
-@dataclass(frozen=True)
-class SnapConfig:
-    """How vertices are moved onto planes.
-
-    Attributes:
-        max_move: a vertex moves by no more than this many tolerances: what lies farther off is no noise.
-        anchor: weight of the place where a vertex was, against that of a plane: it fixes what planes leave open.
-    """
-
-    max_move: float = 3.0
-    anchor: float = 1e-3
+_MAX_MOVE = 3.0
+"""A vertex moves by no more than this many tolerances: what lies farther off is no noise."""
+_ANCHOR = 1e-3
+"""Weight of the place where a vertex was, against that of a plane: it fixes what planes leave open."""
 
 
-SNAP_DEFAULTS = SnapConfig()
-
-
-def snap_to_planes(
-    mesh: trimesh.Trimesh, planes: Planes, tolerance: float, config: SnapConfig = SNAP_DEFAULTS
-) -> trimesh.Trimesh:
+def snap_to_planes(mesh: trimesh.Trimesh, planes: Planes, tolerance: float) -> trimesh.Trimesh:
     """Return a mesh whose vertices lie on the planes of their faces: on one plane, its line with another, or
     a corner."""
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
@@ -136,16 +107,16 @@ def snap_to_planes(
         return mesh
     normals, offsets = planes.normals[label], planes.offsets[label]
     distance = np.abs(np.einsum("pi,pi->p", normals, vertices[vertex]) - offsets)
-    is_near = distance <= config.max_move * tolerance
+    is_near = distance <= _MAX_MOVE * tolerance
     vertex, normals, offsets = vertex[is_near], normals[is_near], offsets[is_near]
     # Least squares over the planes of a vertex and its old place: (sum n nT + a I) x = sum n d + a p.
-    left = np.broadcast_to(config.anchor * np.eye(3), (len(vertices), 3, 3)).copy()
-    right = config.anchor * vertices
+    left = np.broadcast_to(_ANCHOR * np.eye(3), (len(vertices), 3, 3)).copy()
+    right = _ANCHOR * vertices
     np.add.at(left, vertex, normals[:, :, None] * normals[:, None, :])
     np.add.at(right, vertex, normals * offsets[:, None])
     moved = np.linalg.solve(left, right[..., None])[..., 0]
     step = np.linalg.norm(moved - vertices, axis=1)
-    is_far = step > config.max_move * tolerance
+    is_far = step > _MAX_MOVE * tolerance
     moved[is_far] = vertices[is_far]
     return trimesh.Trimesh(moved, mesh.faces, process=False)
 
@@ -164,37 +135,25 @@ _MOST_ROUNDS = 60
 """Halving edges so often would make any of them vanish: the loop ends long before."""
 
 
-@dataclass(frozen=True)
-class SubdivisionConfig:
-    """Which meshes are cut finer.
-
-    Attributes:
-        max_edge: longest edge, relative to the extent, of a mesh cut finer.
-        coarse_edge: a face with an edge longer than this, relative to the extent, is coarse.
-        coarse_share: meshes with less of their area in coarse faces stay as they are.
-        max_faces: halving ends beyond: a broken mesh can be large and all slivers.
-    """
-
-    max_edge: float = 1.0 / 25.0
-    coarse_edge: float = 1.0 / 20.0
-    coarse_share: float = 0.2
-    max_faces: int = 8000
+_MAX_EDGE = 1.0 / 25.0
+"""Longest edge, relative to the extent, of a mesh cut finer."""
+_COARSE_EDGE = 1.0 / 20.0
+"""A face with an edge longer than this, relative to the extent, is coarse."""
+_COARSE_SHARE = 0.2
+"""Meshes with less of their area in coarse faces stay as they are."""
+_MAX_FACES = 8000
+"""Halving ends beyond: a broken mesh can be large and all slivers."""
 
 
-SUBDIVISION_DEFAULTS = SubdivisionConfig()
-
-
-def split_long_edges(
-    mesh: trimesh.Trimesh, config: SubdivisionConfig = SUBDIVISION_DEFAULTS
-) -> trimesh.Trimesh:
+def split_long_edges(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return the same surface without long edges, if coarse faces make up much of it; else the mesh itself.
 
     The longest edges of faces are halved until there are none, or too many faces. Their neighbors are cut to suit.
     """
     extent = float(mesh.extents.max())
     lengths = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, -1, axis=1), axis=2)
-    is_coarse = lengths.max(axis=1) > config.coarse_edge * extent
-    if mesh.area_faces[is_coarse].sum() < config.coarse_share * mesh.area:
+    is_coarse = lengths.max(axis=1) > _COARSE_EDGE * extent
+    if mesh.area_faces[is_coarse].sum() < _COARSE_SHARE * mesh.area:
         return mesh
     vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
     for _ in range(_MOST_ROUNDS):
@@ -204,8 +163,8 @@ def split_long_edges(
         number = number.reshape(-1, 3)
         is_longest = np.zeros(len(edges), dtype=bool)
         is_longest[number[np.arange(len(faces)), np.argmax(length[number], axis=1)]] = True
-        is_long = is_longest & (length > config.max_edge * extent)
-        if not is_long.any() or len(faces) > config.max_faces:
+        is_long = is_longest & (length > _MAX_EDGE * extent)
+        if not is_long.any() or len(faces) > _MAX_FACES:
             break
         middle = np.full(len(edges), -1)
         middle[is_long] = len(vertices) + np.arange(is_long.sum())

@@ -6,8 +6,6 @@ that lie under fitted planes, a watertight solid of some hundred faces, it needs
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import trimesh
 from jaxtyping import Float
@@ -30,36 +28,26 @@ _DIGITS = 9
 """Planes whose coefficients are equal to as many digits are one."""
 
 
-@dataclass(frozen=True)
-class UnionConfig:
-    """How slabs are united and the solid decomposed.
-
-    Attributes:
-        overlap: slabs are stretched by this in plan before they are united: neighbors then share more than a face.
-        threshold: threshold of coacd: concavity left, relative to half the longest extent.
-        iterations: of coacd's tree search; 150, its own default, takes twice as long for the same pieces.
-        num_points: points of the ground that are compared.
-        max_move: walls may move by this [m].
-        max_change: ground that differs by less has not changed [m].
-        top_points: points a side of the grid on which a piece is compared with the slabs.
-        max_lift: planes put back on a piece may lift the ground by this [m] ...
-        max_bulge: ... and lower it by this [m]: coacd's pieces overlap by about as much ...
-        few: ... but for this share of the points, at walls.
-    """
-
-    overlap: float = 1.0005
-    threshold: float = 0.01
-    iterations: int = 60
-    num_points: int = 60_000
-    max_move: float = 0.002
-    max_change: float = 0.01
-    top_points: int = 160
-    max_lift: float = 2e-4
-    max_bulge: float = 2e-3
-    few: float = 2e-3
-
-
-UNION_DEFAULTS = UnionConfig()
+_OVERLAP = 1.0005
+"""Slabs are stretched by this in plan before they are united: neighbors then share more than a face."""
+_THRESHOLD = 0.01
+"""Threshold of coacd: concavity left, relative to half the longest extent."""
+_ITERATIONS = 60
+"""Of coacd's tree search; 150, its own default, takes twice as long for the same pieces."""
+_NUM_POINTS = 60_000
+"""Points of the ground that are compared."""
+_MAX_MOVE = 0.002
+"""Walls may move by this [m]."""
+_MAX_CHANGE = 0.01
+"""Ground that differs by less has not changed [m]."""
+_TOP_POINTS = 160
+"""Points a side of the grid on which a piece is compared with the slabs."""
+_MAX_LIFT = 2e-4
+"""Planes put back on a piece may lift the ground by this [m]."""
+_MAX_BULGE = 2e-3
+"""... and lower it by this [m]: coacd's pieces overlap by about as much."""
+_UNION_FEW = 2e-3
+"""... but for this share of the points, at walls."""
 
 
 def find_heading(planes: Planes, areas: Float[np.ndarray, " F"]) -> float:
@@ -78,7 +66,7 @@ def find_heading(planes: Planes, areas: Float[np.ndarray, " F"]) -> float:
 
 
 def unite_slabs(
-    slabs: list[trimesh.Trimesh], heading: float = 0.0, overlap: float = UNION_DEFAULTS.overlap
+    slabs: list[trimesh.Trimesh], heading: float = 0.0, overlap: float = _OVERLAP
 ) -> trimesh.Trimesh:
     """Return the union of slabs, turned about z so that `heading` [rad] lies along x."""
     if not slabs:
@@ -105,27 +93,24 @@ def decompose_slabs(
     areas: Float[np.ndarray, " F"],
     seed: int,
     time_limit: float,
-    config: UnionConfig = UNION_DEFAULTS,
 ) -> list[trimesh.Trimesh]:
     """Unite slabs into one solid and decompose it by coacd, whose cuts run along the walls."""
     heading = find_heading(planes, areas)
-    solid = unite_slabs(slabs, heading, config.overlap)
+    solid = unite_slabs(slabs, heading, _OVERLAP)
     pieces = decompose(
         solid,
-        config.threshold,
+        _THRESHOLD,
         seed,
         time_limit,
         preprocess_mode="off",
         max_convex_hull=-1,
-        mcts_iterations=config.iterations,
+        mcts_iterations=_ITERATIONS,
     )
     back = trimesh.transformations.rotation_matrix(heading, [0.0, 0.0, 1.0])
     return [piece.apply_transform(back) for piece in pieces]
 
 
-def restore_planes(
-    pieces: list[trimesh.Trimesh], slabs: list[trimesh.Trimesh], config: UnionConfig = UNION_DEFAULTS
-) -> list[trimesh.Trimesh]:
+def restore_planes(pieces: list[trimesh.Trimesh], slabs: list[trimesh.Trimesh]) -> list[trimesh.Trimesh]:
     """Return coacd's pieces with the slabs' planes on top, down to the bottom of the slabs.
 
     coacd decides what is one piece; its hulls bulge by the threshold, several millimeters on ground of some meters, and
@@ -135,7 +120,7 @@ def restore_planes(
     tops = np.unique(np.round(halfspaces[halfspaces[:, 2] > STEEP], _DIGITS), axis=0)
     ground = Elevation(*slabs)
     bottom = min(float(slab.bounds[0, 2]) for slab in slabs)
-    return [_restore(piece, tops, bottom, ground, config) for piece in pieces]
+    return [_restore(piece, tops, bottom, ground) for piece in pieces]
 
 
 def _restore(
@@ -143,18 +128,17 @@ def _restore(
     tops: Float[np.ndarray, "T 4"],
     bottom: float,
     ground: Elevation,
-    config: UnionConfig,
 ) -> trimesh.Trimesh:
     """Return the prism under a piece's planes; the piece itself where nothing rests on it."""
-    points = sample_grid(np.asarray(piece.vertices), config.top_points)
+    points = sample_grid(np.asarray(piece.vertices), _TOP_POINTS)
     height, before = ground.height(*points.T), find_tops(find_halfspaces(piece), points)
     is_known = np.isfinite(height) & np.isfinite(before)
     points, height, before = points[is_known], height[is_known], before[is_known]
-    is_own = np.abs(before - height) < config.max_change
+    is_own = np.abs(before - height) < _MAX_CHANGE
     if not is_own.any():
         return piece
     levels = -(points @ tops[:, :2].T + tops[:, 3]) / tops[:, 2]
-    chosen = _choose_planes(levels[is_own], height[is_own], config.max_lift)
+    chosen = _choose_planes(levels[is_own], height[is_own], _MAX_LIFT)
     outline = find_hull_outline(np.asarray(piece.vertices)[:, :2])
     made = make_prism(find_bounds(outline), tops[chosen], bottom) if chosen and outline is not None else None
     if made is None:
@@ -162,8 +146,8 @@ def _restore(
     after = find_tops(find_halfspaces(made), points)
     lifted = after - np.maximum(height, before)
     lost = (np.minimum(before, height) - after)[is_own]
-    is_off = np.concatenate([lifted > config.max_lift, lost > config.max_bulge])
-    if is_off.sum() > config.few * len(points):
+    is_off = np.concatenate([lifted > _MAX_LIFT, lost > _MAX_BULGE])
+    if is_off.sum() > _UNION_FEW * len(points):
         raise ArenaError("a piece of coacd bends planes")
     return made
 
@@ -183,22 +167,20 @@ def _choose_planes(
     return chosen
 
 
-def has_moved(
-    pieces: list[trimesh.Trimesh], slabs: list[trimesh.Trimesh], config: UnionConfig = UNION_DEFAULTS
-) -> bool:
+def has_moved(pieces: list[trimesh.Trimesh], slabs: list[trimesh.Trimesh]) -> bool:
     """Return whether more ground differs between pieces and slabs than a move of the slabs by 2 mm would change.
 
     A pit filled in, a wall moved or a gap at the rim shows here, however small its share of the ground.
     """
     corners = np.concatenate([slab.bounds[:, :2] for slab in slabs])
-    points = sample_evenly(corners.min(axis=0), corners.max(axis=0), config.num_points)
+    points = sample_evenly(corners.min(axis=0), corners.max(axis=0), _NUM_POINTS)
     before = Elevation(*slabs)
     points = points[np.isfinite(before.height(*points.T))]
     heights = before.height(*points.T)
 
     def count_changes(other: Float[np.ndarray, " N"]) -> int:
-        return int((~(np.abs(other - heights) <= config.max_change)).sum())
+        return int((~(np.abs(other - heights) <= _MAX_CHANGE)).sum())
 
-    moves = config.max_move * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    moves = _MAX_MOVE * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
     allowed = max(count_changes(before.height(*(points - move).T)) for move in moves)
     return count_changes(Elevation(*pieces).height(*points.T)) > allowed

@@ -9,7 +9,7 @@ direction. Cells that one cap serves as well are joined again, also where the jo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
@@ -27,53 +27,41 @@ from reconstruction._src.geometry.outlines import (
     measure_area,
 )
 from reconstruction._src.geometry.sampling import sample_cells
-from symbrion_gym._src.contact.crease_lines import CreaseConfig, find_crease_lines
+from symbrion_gym._src.contact.crease_lines import find_crease_lines
 from symbrion_gym._src.contact.deadline import never
 from symbrion_gym._src.contact.planes import Planes
 
-
-@dataclass(frozen=True)
-class SlabConfig:
-    """How a terrain is cut into slabs.
-
-    Attributes:
-        creases: where it may be cut.
-        num_points: about how many points of the ground are looked at.
-        max_planes: planes that a cap is selected from, those with the most ground first.
-        max_pairs_of: slabs tried in every pair; of more, only neighbors and those with a common plane.
-        max_cells: cutting ends at this many times the pieces that are wanted: joining leaves fewer.
-        min_gain: a cut must leave this share, or less, of the pairs of points that one cap does not serve.
-        allowed_points: this number of points may lie farther off than the accuracy: single spikes ...
-        allowed_share: ... or this share of a cell's points.
-        join_accuracy: slabs are joined within this share of the accuracy.
-        max_lift: a joint may lie above other ground by this share of the accuracy it is joined within.
-        max_uncovered: share of a joint that may be without ground, beyond what its parts have.
-        neighbor_reach: slabs this close are neighbors, in spacings of the points.
-        preview_points: points of a joint on which a hopeless one is recognized.
-        preview_slack: a joint is hopeless where its error on them is this many times too large.
-    """
-
-    creases: CreaseConfig = field(default_factory=CreaseConfig)
-    num_points: int = 30_000
-    max_planes: int = 24
-    max_pairs_of: int = 24
-    max_cells: float = 4.0
-    min_gain: float = 0.98
-    allowed_points: float = 8.0
-    allowed_share: float = 1e-3
-    join_accuracy: float = 0.5
-    max_lift: float = 0.5
-    max_uncovered: float = 0.02
-    neighbor_reach: float = 3.0
-    preview_points: int = 250
-    preview_slack: float = 2.0
-
-    def allow(self, num_points: int) -> float:
-        """Return the weight of points, of a number, that may lie farther off than the accuracy."""
-        return max(self.allowed_points, self.allowed_share * num_points)
+_NUM_POINTS = 30_000
+"""About how many points of the ground are looked at."""
+_MAX_PLANES = 24
+"""Planes that a cap is selected from, those with the most ground first."""
+_MAX_PAIRS_OF = 24
+"""Slabs tried in every pair; of more, only neighbors and those with a common plane."""
+_MAX_CELLS = 4.0
+"""Cutting ends at this many times the pieces that are wanted: joining leaves fewer."""
+_MIN_GAIN = 0.98
+"""A cut must leave this share, or less, of the pairs of points that one cap does not serve."""
+_ALLOWED_POINTS = 8.0
+"""This number of points may lie farther off than the accuracy: single spikes."""
+_ALLOWED_SHARE = 1e-3
+"""... or this share of a cell's points."""
+_JOIN_ACCURACY = 0.5
+"""Slabs are joined within this share of the accuracy."""
+_MAX_LIFT = 0.5
+"""A joint may lie above other ground by this share of the accuracy it is joined within."""
+_MAX_UNCOVERED = 0.02
+"""Share of a joint that may be without ground, beyond what its parts have."""
+_NEIGHBOR_REACH = 3.0
+"""Slabs this close are neighbors, in spacings of the points."""
+_PREVIEW_POINTS = 250
+"""Points of a joint on which a hopeless one is recognized."""
+_PREVIEW_SLACK = 2.0
+"""A joint is hopeless where its error on them is this many times too large."""
 
 
-SLAB_DEFAULTS = SlabConfig()
+def _allow(num_points: int) -> float:
+    """Return the weight of points, of a number, that may lie farther off than the accuracy."""
+    return max(_ALLOWED_POINTS, _ALLOWED_SHARE * num_points)
 
 
 class Ground(NamedTuple):
@@ -144,7 +132,7 @@ def make_grid(mesh: trimesh.Trimesh, num_points: int) -> tuple[Float[np.ndarray,
 
 
 def make_ground(
-    mesh: trimesh.Trimesh, elevation: Elevation, planes: Planes, num_points: int = SLAB_DEFAULTS.num_points
+    mesh: trimesh.Trimesh, elevation: Elevation, planes: Planes, num_points: int = _NUM_POINTS
 ) -> Ground:
     """Measure the mesh from above on a grid of about `num_points`; `elevation` is that of the mesh."""
     points, spacing = make_grid(mesh, num_points)
@@ -170,16 +158,15 @@ def make_slabs(
     max_pieces: int,
     thickness: float,
     is_exceeded: Callable[[], bool] = never,
-    config: SlabConfig = SLAB_DEFAULTS,
 ) -> tuple[list[Slab], list[trimesh.Trimesh]]:
     """Return convex slabs, and solids, whose union has the terrain as its top; none where there are no planes."""
     if not len(planes.normals):
         return [], []
-    ground = make_ground(mesh, elevation, planes, config.num_points)
-    lines = find_crease_lines(mesh, planes, STEEP, config.creases)
-    cells = _split(ground, lines, accuracy, max_pieces, is_exceeded, config)
+    ground = make_ground(mesh, elevation, planes, _NUM_POINTS)
+    lines = find_crease_lines(mesh, planes, STEEP)
+    cells = _split(ground, lines, accuracy, max_pieces, is_exceeded)
     slabs = [slab for cell in cells if (slab := _make_slab(mesh, ground, cell)) is not None]
-    slabs = _merge(ground, slabs, config.join_accuracy * accuracy, is_exceeded, config)
+    slabs = _merge(ground, slabs, _JOIN_ACCURACY * accuracy, is_exceeded)
     bottom = float(mesh.vertices[:, 2].min()) - thickness
     solids = [_make_solid(planes, slab, bottom) for slab in slabs]
     return slabs, [solid for solid in solids if solid is not None]
@@ -191,27 +178,26 @@ def _split(
     accuracy: float,
     max_pieces: int,
     is_exceeded: Callable[[], bool],
-    config: SlabConfig,
 ) -> list[Cell]:
     """Cut the worst cell along its best line until every cap is accurate or no cut helps."""
     above = ground.heights[:, None] > ground.levels + accuracy
     clashes = (above * ground.weights[:, None]).astype(np.float32)
-    everything = _cap(ground, np.zeros((0, 3)), np.arange(len(ground.points)), accuracy, config)
-    most = config.max_cells * max_pieces
+    everything = _cap(ground, np.zeros((0, 3)), np.arange(len(ground.points)), accuracy)
+    most = _MAX_CELLS * max_pieces
     done, open_cells = [], [everything]
     while open_cells and len(done) + len(open_cells) < most and not is_exceeded():
         worst = max(range(len(open_cells)), key=lambda i: open_cells[i].error)
         cell = open_cells.pop(worst)
         line = None
-        if cell.excess > config.allow(len(cell.members)):
-            line = _find_best_line(ground, clashes, cell, lines, config.min_gain)
+        if cell.excess > _allow(len(cell.members)):
+            line = _find_best_line(ground, clashes, cell, lines, _MIN_GAIN)
         if line is None:
             done.append(cell)
             continue
         is_left = ground.points[cell.members] @ line[:2] <= line[2]
         for side, bound in ((is_left, line), (~is_left, -line)):
             bounds = np.concatenate([cell.bounds, bound[None]])
-            open_cells.append(_cap(ground, bounds, cell.members[side], accuracy, config))
+            open_cells.append(_cap(ground, bounds, cell.members[side], accuracy))
     return done + open_cells
 
 
@@ -247,14 +233,13 @@ def _cap(
     bounds: Float[np.ndarray, "B 3"],
     members: Int[np.ndarray, " M"],
     accuracy: float,
-    config: SlabConfig,
 ) -> Cell:
     """Select the planes whose minimum lies closest to the ground's points."""
     weights = ground.weights[members]
     heights = ground.heights[members]
     share = np.bincount(ground.labels[members][weights > 0], minlength=ground.levels.shape[1])
     planes = np.flatnonzero(share)
-    planes = planes[np.argsort(-share[planes], kind="stable")][: config.max_planes]
+    planes = planes[np.argsort(-share[planes], kind="stable")][:_MAX_PLANES]
     levels = ground.levels[np.ix_(members, planes)]
     is_selected = np.zeros(len(planes), dtype=bool)
     top = np.full(len(members), np.inf)
@@ -269,11 +254,9 @@ def _cap(
     return Cell(bounds, members, planes[is_selected], error if is_selected.any() else 0.0, excess)
 
 
-def _merge(
-    ground: Ground, slabs: list[Slab], accuracy: float, is_exceeded: Callable[[], bool], config: SlabConfig
-) -> list[Slab]:
+def _merge(ground: Ground, slabs: list[Slab], accuracy: float, is_exceeded: Callable[[], bool]) -> list[Slab]:
     """Join slabs, best pair first, while one cap serves both and lifts no ground between them."""
-    slabs, few, reach = list(slabs), config.max_pairs_of, config.neighbor_reach * ground.spacing
+    slabs, few, reach = list(slabs), _MAX_PAIRS_OF, _NEIGHBOR_REACH * ground.spacing
     joints: dict[tuple[int, int], Slab] = {}
     alive = set(range(len(slabs)))
     new, far = list(combinations(range(len(slabs)), 2)), []
@@ -285,7 +268,7 @@ def _merge(
                 break
             if len(alive) > few and not _are_near(slabs[i], slabs[j], reach):
                 far.append((i, j))
-            elif (joint := _join(ground, slabs[i], slabs[j], accuracy, config)) is not None:
+            elif (joint := _join(ground, slabs[i], slabs[j], accuracy)) is not None:
                 joints[i, j] = joint
         joints = {pair: joint for pair, joint in joints.items() if alive.issuperset(pair)}
         if not joints:
@@ -306,31 +289,31 @@ def _are_near(first: Slab, second: Slab, reach: float) -> bool:
     return bool(gap.max() < reach) or not set(first.planes.tolist()).isdisjoint(second.planes.tolist())
 
 
-def _join(ground: Ground, first: Slab, second: Slab, accuracy: float, config: SlabConfig) -> Slab | None:
+def _join(ground: Ground, first: Slab, second: Slab, accuracy: float) -> Slab | None:
     """Return one slab in place of two; None where one cap does not serve both."""
     members = np.concatenate([first.members, second.members])
-    allowed = config.allow(min(len(first.members), len(second.members)))
+    allowed = _allow(min(len(first.members), len(second.members)))
     limit = first.excess + second.excess + allowed
-    step = max(len(members) // config.preview_points, 1)
-    preview = step * _cap(ground, np.zeros((0, 3)), members[::step], accuracy, config).excess
-    if preview > config.preview_slack * limit + 2 * step:
+    step = max(len(members) // _PREVIEW_POINTS, 1)
+    preview = step * _cap(ground, np.zeros((0, 3)), members[::step], accuracy).excess
+    if preview > _PREVIEW_SLACK * limit + 2 * step:
         return None
     outline = find_hull_outline(np.concatenate([first.outline, second.outline]))
     if outline is None:
         return None
-    cell = _cap(ground, np.zeros((0, 3)), members, accuracy, config)
+    cell = _cap(ground, np.zeros((0, 3)), members, accuracy)
     if cell.excess > limit:
         return None
     inside = np.flatnonzero(is_within(outline, ground.points))
     uncovered = measure_area(outline) - len(inside) * ground.spacing**2
-    if uncovered > first.uncovered + second.uncovered + config.max_uncovered * measure_area(outline):
+    if uncovered > first.uncovered + second.uncovered + _MAX_UNCOVERED * measure_area(outline):
         return None
     is_other = np.ones(len(ground.points), dtype=bool)
     is_other[members] = False
     others = inside[is_other[inside]]
     others = others[ground.weights[others] > 0]
     top = ground.levels[np.ix_(others, cell.planes)].min(axis=1, initial=np.inf)
-    if (top > ground.heights[others] + config.max_lift * accuracy).sum() > allowed:
+    if (top > ground.heights[others] + _MAX_LIFT * accuracy).sum() > allowed:
         return None
     return Slab(outline, members, cell.planes, cell.error, cell.excess, uncovered)
 

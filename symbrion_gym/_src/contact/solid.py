@@ -19,57 +19,47 @@ from symbrion_gym._src.contact.quality import RayMesh
 Shape = Literal["terrain", "overhang", "closed"]
 
 
-@dataclass(frozen=True)
-class ShapeConfig:
-    """What counts as a terrain, and how surfaces are closed.
-
-    Attributes:
-        max_overhang: share of the area that may lie beneath other ground in a terrain: folds of a noisy map.
-        min_ground: share of the area that a terrain has in plan, at least; less is nothing but walls.
-        wall_rise: faces whose normal rises less are walls, not hidden ground.
-        hidden_depth: ground this far beneath other ground is hidden, relative to the extent.
-        block_points: points a side of the grid on which a closed body is compared with a block.
-        block_error: share of its volume by which a block may differ from the space beneath its top.
-        underside: faces this close to the lowest level belong to the underside, relative to the height.
-        side_rise: faces whose normal rises less, and that reach the lowest level, are the sides of a block.
-        top_rise: faces whose normal rises less look down: they are no part of the top.
-        max_fans: area of the fans that close holes, relative to the mesh: a tube shorter than 50 radii stays open.
-    """
-
-    max_overhang: float = 0.03
-    min_ground: float = 0.05
-    wall_rise: float = 0.3
-    hidden_depth: float = 0.01
-    block_points: int = 120
-    block_error: float = 0.05
-    underside: float = 1e-3
-    side_rise: float = 0.05
-    top_rise: float = -0.2
-    max_fans: float = 0.02
+_MAX_OVERHANG = 0.03
+"""Share of the area that may lie beneath other ground in a terrain: folds of a noisy map."""
+_MIN_GROUND = 0.05
+"""Share of the area that a terrain has in plan, at least; less is nothing but walls."""
+_WALL_RISE = 0.3
+"""Faces whose normal rises less are walls, not hidden ground."""
+_HIDDEN_DEPTH = 0.01
+"""Ground this far beneath other ground is hidden, relative to the extent."""
+_BLOCK_POINTS = 120
+"""Points a side of the grid on which a closed body is compared with a block."""
+_BLOCK_ERROR = 0.05
+"""Share of its volume by which a block may differ from the space beneath its top."""
+_UNDERSIDE = 1e-3
+"""Faces this close to the lowest level belong to the underside, relative to the height."""
+_SIDE_RISE = 0.05
+"""Faces whose normal rises less, and that reach the lowest level, are the sides of a block."""
+_TOP_RISE = -0.2
+"""Faces whose normal rises less look down: they are no part of the top."""
+_MAX_FANS = 0.02
+"""Area of the fans that close holes, relative to the mesh: a tube shorter than 50 radii stays open."""
 
 
-SHAPE_DEFAULTS = ShapeConfig()
-
-
-def find_shape(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig = SHAPE_DEFAULTS) -> Shape:
+def find_shape(mesh: trimesh.Trimesh, elevation: Elevation) -> Shape:
     """Tell a terrain (seen whole from above) from an open surface with overhangs and from a closed body.
 
     A closed body that is a terrain with a flat underside counts as terrain.
     """
     areas, rises = mesh.area_faces, mesh.face_normals[:, 2]
-    if float(areas @ np.abs(rises)) < config.min_ground * float(areas.sum()):
+    if float(areas @ np.abs(rises)) < _MIN_GROUND * float(areas.sum()):
         return "overhang"  # nothing but walls: there is no ground to follow
     if not mesh.is_watertight:
-        hidden = _measure_hidden(mesh, elevation, config)
-        return "terrain" if hidden <= config.max_overhang else "overhang"
-    return "terrain" if _is_block(mesh, elevation, config) else "closed"
+        hidden = _measure_hidden(mesh, elevation)
+        return "terrain" if hidden <= _MAX_OVERHANG else "overhang"
+    return "terrain" if _is_block(mesh, elevation) else "closed"
 
 
-def take_top(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
+def take_top(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return the part of a mesh that is ground or wall, without an underside."""
-    is_top = mesh.face_normals[:, 2] > config.top_rise
+    is_top = mesh.face_normals[:, 2] > _TOP_RISE
     if mesh.is_watertight:
-        is_top &= ~_find_underside(mesh, config)
+        is_top &= ~_find_underside(mesh)
     top = trimesh.Trimesh(mesh.vertices, mesh.faces[is_top], process=False)
     top.remove_unreferenced_vertices()
     return top
@@ -88,7 +78,7 @@ def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
     return _stitch(mesh, mesh.vertices - thickness * mesh.vertex_normals)
 
 
-def close_holes(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
+def close_holes(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return the mesh with a fan in every hole, if the holes are small against the mesh."""
     rim = find_rim(mesh)
     if not len(rim):
@@ -103,7 +93,7 @@ def close_holes(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> 
     fans = np.column_stack([rim[:, 1], rim[:, 0], count + number])
     vertices, faces = np.concatenate([mesh.vertices, middles]), np.concatenate([mesh.faces, fans])
     closed = trimesh.Trimesh(vertices, faces, process=False)
-    return closed if closed.area <= (1.0 + config.max_fans) * mesh.area else mesh
+    return closed if closed.area <= (1.0 + _MAX_FANS) * mesh.area else mesh
 
 
 def find_rim(mesh: trimesh.Trimesh) -> Int[np.ndarray, "E 2"]:
@@ -123,30 +113,30 @@ def _stitch(mesh: trimesh.Trimesh, other_side: Float[np.ndarray, "V 3"]) -> trim
     return trimesh.Trimesh(np.concatenate([mesh.vertices, other_side]), faces, process=False)
 
 
-def _measure_hidden(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig) -> float:
+def _measure_hidden(mesh: trimesh.Trimesh, elevation: Elevation) -> float:
     """Return the share of the area that has something else above it; walls do not count."""
     areas, centers = mesh.area_faces, mesh.triangles_center
     above = elevation.height(centers[:, 0], centers[:, 1]) - centers[:, 2]
-    is_ground = np.abs(mesh.face_normals[:, 2]) > config.wall_rise
-    is_hidden = is_ground & (above > config.hidden_depth * float(mesh.extents.max()))
+    is_ground = np.abs(mesh.face_normals[:, 2]) > _WALL_RISE
+    is_hidden = is_ground & (above > _HIDDEN_DEPTH * float(mesh.extents.max()))
     return float(areas[is_hidden].sum() / areas.sum())
 
 
-def _is_block(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig) -> bool:
+def _is_block(mesh: trimesh.Trimesh, elevation: Elevation) -> bool:
     """Return whether all between the top, seen from above, and the lowest level is filled."""
     low, high = mesh.bounds
-    step = float(np.prod((high - low)[:2] / (config.block_points - 1)))
-    points = sample_grid(np.asarray(mesh.bounds), config.block_points, margin=0.0)
+    step = float(np.prod((high - low)[:2] / (_BLOCK_POINTS - 1)))
+    points = sample_grid(np.asarray(mesh.bounds), _BLOCK_POINTS, margin=0.0)
     heights = elevation.height(*points.T)
     filled = float(np.nansum(heights - low[2])) * step
-    return filled > 0 and bool(abs(mesh.volume / filled - 1.0) < config.block_error)
+    return filled > 0 and bool(abs(mesh.volume / filled - 1.0) < _BLOCK_ERROR)
 
 
-def _find_underside(mesh: trimesh.Trimesh, config: ShapeConfig) -> Bool[np.ndarray, " F"]:
+def _find_underside(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"]:
     """Return which faces lie at the lowest level, or are vertical and reach down to it."""
-    level = mesh.bounds[0, 2] + config.underside * np.ptp(mesh.bounds[:, 2])
+    level = mesh.bounds[0, 2] + _UNDERSIDE * np.ptp(mesh.bounds[:, 2])
     is_low = mesh.triangles[:, :, 2] < level
-    is_side = np.abs(mesh.face_normals[:, 2]) < config.side_rise
+    is_side = np.abs(mesh.face_normals[:, 2]) < _SIDE_RISE
     return is_low.all(axis=1) | (is_low.any(axis=1) & is_side)
 
 

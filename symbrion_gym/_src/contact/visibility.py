@@ -25,43 +25,21 @@ _GOLDEN_RATIO = 0.61803398875
 """Its fractional part: offsets of successive beams this far apart fill the interval evenly."""
 
 
-@dataclass(frozen=True)
-class VisibilityConfig:
-    """Configuration of the check of an arena by the beams of its scan.
-
-    Attributes:
-        reach: a beam that ends no farther from its reading ends there [m]; 5 cm is a step that a Scout feels.
-        max_beams: readings that are checked at most, drawn at random; 20,000 give a share to 0.4 percentage points.
-        samples: points per beam at which free space is checked; with 16, one every 50 cm of a beam of 8 m.
-        end_share: the checked part of a beam ends at this share of its range, because a beam that grazes the ground
-            is within the noise of it long before its reading ...
-        end_margin: ... and at least this far before it [m], because readings and contact have errors.
-        least_range: shorter beams are left out [m]: the scanner hit its own carrier.
-        candidates: nearest viewpoints that are tried for a reading whose own is unknown, until one sees it.
-
-    Raises:
-        ArenaError: a field is out of range.
-    """
-
-    reach: float = 0.05
-    max_beams: int = 20_000
-    samples: int = 16
-    end_share: float = 0.95
-    end_margin: float = 0.10
-    least_range: float = 0.05
-    candidates: int = 8
-
-    def __post_init__(self) -> None:
-        for name in ("max_beams", "samples", "candidates"):
-            if not getattr(self, name) >= 1:
-                raise ArenaError(f"{name} is {getattr(self, name)}; 1 or more is needed")
-        for name in ("reach", "least_range"):
-            if not getattr(self, name) > 0:
-                raise ArenaError(f"{name} is {getattr(self, name)}; more than 0 is needed")
-        if not 0 < self.end_share <= 1:
-            raise ArenaError(f"end_share is {self.end_share}; a share above 0 and up to 1 is needed")
-        if not self.end_margin >= 0:
-            raise ArenaError(f"end_margin is {self.end_margin}; 0 or more is needed")
+_REACH = 0.05
+"""A beam that ends no farther from its reading ends there [m]; 5 cm is a step that a Scout feels."""
+_MAX_BEAMS = 20_000
+"""Readings that are checked at most, drawn at random; 20,000 give a share to 0.4 percentage points."""
+_SAMPLES = 16
+"""Points per beam at which free space is checked; with 16, one every 50 cm of a beam of 8 m."""
+_END_SHARE = 0.95
+"""The checked part of a beam ends at this share of its range, because a beam that grazes the ground is within
+the noise of it long before its reading."""
+_END_MARGIN = 0.10
+"""... and at least this far before it [m], because readings and contact have errors."""
+_LEAST_RANGE = 0.05
+"""Shorter beams are left out [m]: the scanner hit its own carrier."""
+_CANDIDATES = 8
+"""Nearest viewpoints that are tried for a reading whose own is unknown, until one sees it."""
 
 
 class Beams(NamedTuple):
@@ -102,24 +80,22 @@ def measure_visibility(
     seen_from: Int[np.ndarray, " M"] | None,
     contact: Sequence[trimesh.Trimesh] | HeightField,
     surface: trimesh.Trimesh,
-    config: VisibilityConfig | None = None,
 ) -> Visibility | None:
     """Compare an arena with the beams of its scan; equal arguments give equal shares."""
-    config = config or VisibilityConfig()
     on_surface = RayMesh([surface])
-    beams = find_beams(points, viewpoints, seen_from, on_surface, config)
+    beams = find_beams(points, viewpoints, seen_from, on_surface)
     if not len(beams.ranges):
         return None
     is_field = isinstance(contact, HeightField)
     on_contact = RayMesh([contact.as_mesh()] if is_field else contact)
     ends = on_contact.cast(beams.origins, beams.directions)
     starts, group = np.unique(beams.origins, axis=0, return_inverse=True)
-    is_solid = _is_solid(np.concatenate([starts, _sample_free_space(beams, config)]), contact)
+    is_solid = _is_solid(np.concatenate([starts, _sample_free_space(beams)]), contact)
     ends[is_solid[: len(starts)][group.ravel()]] = 0.0
     return Visibility(
-        beams_contact=_find_share(np.abs(ends - beams.ranges) <= config.reach),
+        beams_contact=_find_share(np.abs(ends - beams.ranges) <= _REACH),
         beams_surface=_find_share(
-            np.abs(on_surface.cast(beams.origins, beams.directions) - beams.ranges) <= config.reach
+            np.abs(on_surface.cast(beams.origins, beams.directions) - beams.ranges) <= _REACH
         ),
         free_space=_find_share(is_solid[len(starts) :]),
         num_beams=len(beams.ranges),
@@ -143,7 +119,6 @@ def find_beams(
     viewpoints: Float[np.ndarray, "*K 3"],
     seen_from: Int[np.ndarray, " M"] | None,
     surface: RayMesh,
-    config: VisibilityConfig,
 ) -> Beams:
     """Return the beams of at most `max_beams` readings."""
     viewpoints = np.asarray(viewpoints, dtype=np.float64).reshape(-1, 3)
@@ -151,15 +126,15 @@ def find_beams(
         _check_indices(seen_from, len(points), len(viewpoints))
     if not len(viewpoints):
         points = points[:0]
-    if len(points) > config.max_beams:
-        chosen = np.sort(np.random.default_rng(0).choice(len(points), config.max_beams, replace=False))
+    if len(points) > _MAX_BEAMS:
+        chosen = np.sort(np.random.default_rng(0).choice(len(points), _MAX_BEAMS, replace=False))
         points, seen_from = points[chosen], None if seen_from is None else seen_from[chosen]
     points = np.asarray(points, dtype=np.float64)
     if seen_from is None:
-        seen_from = _find_viewpoints(points, viewpoints, surface, config)
+        seen_from = _find_viewpoints(points, viewpoints, surface)
     origins = viewpoints[seen_from]
     ranges = np.linalg.norm(points - origins, axis=1)
-    is_beam = ranges >= config.least_range
+    is_beam = ranges >= _LEAST_RANGE
     origins, ranges = origins[is_beam], ranges[is_beam]
     return Beams(origins, (points[is_beam] - origins) / ranges[:, None], ranges)
 
@@ -179,31 +154,30 @@ def _find_viewpoints(
     points: Float[np.ndarray, "N 3"],
     viewpoints: Float[np.ndarray, "K 3"],
     surface: RayMesh,
-    config: VisibilityConfig,
 ) -> Int[np.ndarray, " N"]:
     """Return the nearest viewpoint from which the surface hides a point by no more than the reach; else the nearest."""
     if len(viewpoints) <= 1 or not len(points):
         return np.zeros(len(points), dtype=np.int64)
-    count = min(config.candidates, len(viewpoints))
+    count = min(_CANDIDATES, len(viewpoints))
     nearest = cKDTree(viewpoints).query(points, k=list(range(1, count + 1)))[1]
     found = nearest[:, 0].astype(np.int64)
     hidden = np.arange(len(points))
     for rank in range(count):
         tried = nearest[hidden, rank]
         ways = points[hidden] - viewpoints[tried]
-        ranges = np.maximum(np.linalg.norm(ways, axis=1), config.least_range)
-        is_seen = surface.cast(viewpoints[tried], ways / ranges[:, None]) >= ranges - config.reach
+        ranges = np.maximum(np.linalg.norm(ways, axis=1), _LEAST_RANGE)
+        is_seen = surface.cast(viewpoints[tried], ways / ranges[:, None]) >= ranges - _REACH
         found[hidden[is_seen]] = tried[is_seen]
         hidden = hidden[~is_seen]
     return found
 
 
-def _sample_free_space(beams: Beams, config: VisibilityConfig) -> Float[np.ndarray, "S 3"]:
+def _sample_free_space(beams: Beams) -> Float[np.ndarray, "S 3"]:
     """Return points at even distances along the beams, up to some way before the readings."""
-    ends = np.minimum(config.end_share * beams.ranges, beams.ranges - config.end_margin)
+    ends = np.minimum(_END_SHARE * beams.ranges, beams.ranges - _END_MARGIN)
     is_long = ends > 0
     offsets = np.arange(len(ends)) * _GOLDEN_RATIO % 1.0
-    shares = (np.arange(config.samples) + offsets[:, None]) / config.samples
+    shares = (np.arange(_SAMPLES) + offsets[:, None]) / _SAMPLES
     ways = (ends[:, None] * shares)[is_long]
     points = beams.origins[is_long, None] + ways[..., None] * beams.directions[is_long, None]
     return points.reshape(-1, 3)

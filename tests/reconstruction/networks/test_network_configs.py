@@ -8,8 +8,6 @@ import pytest
 from shapes import make_sheet
 
 from reconstruction import GrowingGridConfig, GSRMConfig, Reconstruction, ReconstructionError, reconstruct
-from reconstruction._src.networks.growing_grid.mesh import CoverConfig
-from reconstruction._src.networks.gsrm.support import TopologyConfig
 from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.networks.som.density import DensityConfig
@@ -26,10 +24,8 @@ def test_a_configuration_is_hashable_and_equal_to_its_like(config):
 @pytest.mark.parametrize(
     ("config", "field"),
     [
-        (CoverConfig, "stretch"),
         (DensityConfig, "near"),
         (FitConfig, "reach"),
-        (TopologyConfig, "gap"),
         (GSRMConfig, "coarse_samples"),
         (GrowingGridConfig, "reach"),
     ],
@@ -38,12 +34,6 @@ def test_a_number_that_makes_no_sense_is_refused_by_name(config, field):
     for wrong in (-1, 0, float("nan")):
         with pytest.raises(ReconstructionError, match=rf"{config.__name__}\.{field} must be above 0, got"):
             config(**{field: wrong})
-
-
-def test_a_cosine_may_be_negative_and_must_be_finite():
-    assert TopologyConfig(rim_cosine=0.0).rim_cosine == 0
-    with pytest.raises(ReconstructionError, match=r"TopologyConfig\.rim_cosine must be finite"):
-        TopologyConfig(rim_cosine=float("inf"))
 
 
 def test_nested_configurations_come_back_from_a_file(tmp_path):

@@ -4,9 +4,10 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from constants import with_constants
 
+from reconstruction._src.scans import mixed_pixels
 from reconstruction._src.scans.mixed_pixels import (
-    MixedPixelsConfig,
     find_jumps,
     find_mixed_beams,
     find_needed_beams,
@@ -14,8 +15,6 @@ from reconstruction._src.scans.mixed_pixels import (
     find_step,
 )
 from reconstruction._src.scans.scan import ScanLog
-
-ALL = MixedPixelsConfig(max_share=1.0)
 
 
 def lay_steps(*places: int, height: float = 0.04, beams: int = 60, distance: float = 1.0) -> np.ndarray:
@@ -29,10 +28,15 @@ def slant(spacing_deg: float = 0.5, beams: int = 60) -> np.ndarray:
     return 1.0 / np.cos(np.radians(30 + spacing_deg * np.arange(beams)))[None]
 
 
+def find_all(ranges):
+    with with_constants(mixed_pixels, max_share=1.0):
+        return find_mixed_beams(ranges)
+
+
 def find_places(ranges: np.ndarray, **options: float) -> list[int]:
     """Return the beams of a scan that may have met an edge; however many there are, unless options say otherwise."""
-    config = MixedPixelsConfig(**({"max_share": 1.0} | options))
-    return np.flatnonzero(find_mixed_beams(ranges, config=config)[0]).tolist()
+    with with_constants(mixed_pixels, **({"max_share": 1.0} | options)):
+        return np.flatnonzero(find_mixed_beams(ranges)[0]).tolist()
 
 
 def test_a_ledge_of_four_centimeters_is_an_edge_and_one_of_two_is_not():
@@ -63,7 +67,7 @@ def test_a_beam_with_four_mixed_ones_among_nine_is_mixed(places, mixed):
     """An edge along the scan: two jumps within nine beams leave few that can be trusted."""
     assert find_places(lay_steps(*places)) == mixed
     both = np.concatenate([lay_steps(*places), lay_steps(50, height=0.0), lay_steps(*places)])
-    flags = find_mixed_beams(both, config=ALL)
+    flags = find_all(both)
     assert [np.flatnonzero(row).tolist() for row in flags] == [mixed, [], mixed]
 
 
@@ -153,7 +157,7 @@ def test_where_readings_are_noisy_an_edge_is_higher(noise, least, most):
         scans = np.concatenate(
             [others, np.pad(lay_steps(30, height=height), ((0, 0), (0, 1941)), mode="edge")]
         )
-        if find_mixed_beams(scans, config=ALL)[-1].any():
+        if find_all(scans)[-1].any():
             jumps.append(height)
     expected = 0.033 * np.clip(noise / 0.008, 1, 3)
     assert min(jumps) == pytest.approx(expected, abs=0.009)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from constants import with_constants
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -9,9 +10,10 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import make_pose
+from reconstruction._src.scans import mixed_pixels
 from reconstruction._src.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
 from reconstruction._src.scans.leveling import LevelingConfig, find_declination, level_floor
-from reconstruction._src.scans.mixed_pixels import MixedPixelsConfig, find_jumps, find_mixed_beams
+from reconstruction._src.scans.mixed_pixels import find_jumps, find_mixed_beams
 from reconstruction._src.scans.preprocess import PreprocessConfig, preprocess, remove_mixed_pixels
 from reconstruction._src.scans.scan import ScanLog
 from reconstruction._src.scans.scan_log_file import load_scan_log
@@ -19,7 +21,12 @@ from reconstruction._src.scans.smoothing import SmoothingConfig, find_creases, s
 
 HEIGHT = 2.0
 ANGLES = np.radians(np.linspace(-90, 90, 361))
-NONE, ALL = MixedPixelsConfig(max_share=0.0), MixedPixelsConfig(max_share=1.0)
+NONE, ALL = 0.0, 1.0
+
+
+def find_mixed(ranges, max_share):
+    with with_constants(mixed_pixels, max_share=max_share):
+        return find_mixed_beams(ranges)
 
 
 def vertical_mount() -> np.ndarray:
@@ -141,16 +148,16 @@ def test_jumps_are_edges_and_not_slanted_planes():
 def test_a_mixed_pixel_goes_and_its_surroundings_stay():
     ranges = np.where(np.arange(60) < 30, 1.5, 2.5)[None] + np.zeros((4, 1))
     ranges[:, 30] = 2.0
-    is_mixed = find_mixed_beams(ranges, config=NONE)
+    is_mixed = find_mixed(ranges, NONE)
     assert np.argwhere(is_mixed).tolist() == [[i, 30] for i in range(4)]
-    assert find_mixed_beams(ranges, config=ALL)[:, 28:34].tolist() == [[0, 1, 1, 1, 0, 0]] * 4
+    assert find_mixed(ranges, ALL)[:, 28:34].tolist() == [[0, 1, 1, 1, 0, 0]] * 4
 
 
 def test_the_share_of_mixed_beams_is_kept():
     ranges = np.random.default_rng(0).uniform(1, 5, (50, 100))
     least, most = (
-        find_mixed_beams(ranges, config=NONE),
-        find_mixed_beams(ranges, config=MixedPixelsConfig(max_share=0.1)),
+        find_mixed(ranges, NONE),
+        find_mixed(ranges, 0.1),
     )
     assert 0 < most.sum() - least.sum() <= 0.1 * ranges.size
 
@@ -288,7 +295,6 @@ def test_the_settings_are_those_of_the_steps():
     np.testing.assert_array_equal(preprocess(log, config=across), preprocess(log, across_jumps=True))
     np.testing.assert_array_equal(preprocess(log, config=across, across_jumps=False), preprocess(log))
     for config in (
-        PreprocessConfig(mixed_pixels=MixedPixelsConfig(step=1.0, max_share=0.0)),
         PreprocessConfig(smoothing=SmoothingConfig(window=1)),
         PreprocessConfig(sparse_readings=SparsePointsConfig(max_share=0.0)),
     ):
@@ -320,11 +326,6 @@ def test_options_of_a_step_replace_those_of_its_settings():
         (LevelingConfig, {"tolerance": -1.0}, "tolerance must be above 0"),
         (LevelingConfig, {"min_distance": -1.0}, "min_distance"),
         (LevelingConfig, {"num_bins": 0}, "num_bins"),
-        (MixedPixelsConfig, {"step": 0.0}, "step must be above 0"),
-        (MixedPixelsConfig, {"jump": -0.1}, "jump must not be negative"),
-        (MixedPixelsConfig, {"max_share": 1.1}, "max_share"),
-        (MixedPixelsConfig, {"max_noise_factor": 0.5}, "max_noise_factor"),
-        (MixedPixelsConfig, {"clutter_window": 0}, "clutter_window"),
         (SmoothingConfig, {"window": 4}, "window"),
         (SmoothingConfig, {"crease": np.nan}, "crease must not be negative"),
         (SparsePointsConfig, {"cell": 0.0}, "cell must be above 0"),

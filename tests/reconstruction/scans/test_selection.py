@@ -7,7 +7,7 @@ import reconstruction as rc
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import cells
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.selection import CropConfig, crop, find_crop_box, thin
+from reconstruction._src.scans.selection import crop, find_crop_box, thin
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [5.0, 0.0, 0.0], [5.1, 0.0, 0.0]])
 CLOUD = Cloud(
@@ -92,11 +92,3 @@ def test_the_box_of_few_points_is_all_of_them() -> None:
     np.testing.assert_array_equal(find_crop_box(np.ones((5, 3))), np.ones((2, 3)))
     with pytest.raises(ScanError, match="no points"):
         find_crop_box(np.empty((0, 3)))
-
-
-@pytest.mark.parametrize(
-    "values", [{"num_cells": 0}, {"min_points": 0}, {"min_share": 2.0}, {"refine_below": -1}]
-)
-def test_configurations_refuse_bad_values(values: dict[str, float]) -> None:
-    with pytest.raises(ScanError, match=next(iter(values))):
-        CropConfig(**values)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.slip.drags import DragConfig, SlipPriors, find_friction
+from reconstruction._src.slip.drags import find_friction
 from reconstruction._src.slip.readings import SlipReadings
 from tests.reconstruction.slip.made_slip import make_slip
 
@@ -76,13 +76,6 @@ def test_readings_that_are_none_are_refused() -> None:
         replace(slip, pitches=slip.pitches * np.nan)
     with pytest.raises(ScanError, match="mass must be above 0"):
         replace(slip, mass=0.0)
-
-
-def test_configurations_out_of_range_are_refused() -> None:
-    with pytest.raises(ScanError, match="gain"):
-        SlipPriors(gain=-0.1)
-    with pytest.raises(ScanError, match="least_slip"):
-        DragConfig(least_slip=0.0)
 
 
 def test_no_readings_are_no_friction() -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from reconstruction._src.base.errors import ReconstructionError, ScanError
+from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.slip.drags import FrictionReadings, find_friction, join_slip, read_slip_arrays
-from reconstruction._src.slip.patches import FrictionPatchConfig, find_friction_patches
+from reconstruction._src.slip.patches import find_friction_patches
 from reconstruction._src.slip.readings import find_segments
 from tests.reconstruction.slip.made_slip import make_slip
 
@@ -65,12 +65,6 @@ def test_too_few_readings_are_no_patch() -> None:
     readings = make_readings(lambda x, y: 0.5)
     assert find_friction_patches(FrictionReadings(*(array[:1] for array in readings))) is None
     assert find_friction_patches(FrictionReadings(*(array[:0] for array in readings))) is None
-
-
-def test_configurations_out_of_range_are_refused() -> None:
-    for name in ("penalty", "border", "same", "certainty", "reach", "cell", "least_area"):
-        with pytest.raises(ScanError, match=name):
-            FrictionPatchConfig(**{name: 0.0})
 
 
 def test_a_new_survey_replaces_what_was_known_of_its_places() -> None:

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
+from constants import with_constants
 
 import reconstruction as rc
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.surfaces import color
 from reconstruction._src.surfaces.color import (
-    ColorConfig,
     ColorSource,
     copy_vertex_colors,
     find_vertex_colors,
@@ -38,10 +39,10 @@ def test_a_place_on_a_point_among_equal_ones_takes_their_color():
 
 def test_like_colors_are_averaged_by_their_distance():
     colors = np.array([[100, 100, 100], [110, 110, 110]], np.uint8)
-    source = ColorSource(
-        Cloud(np.array([[0, 0, 0], [3, 0, 0]], float), colors), ColorConfig(softening=1e-9, contrast=1e9)
-    )
-    assert source.find_colors(np.array([[1.0, 0.0, 0.0]])).tolist() == [[102, 102, 102]]  # weights 1 and 1/4
+    source = ColorSource(Cloud(np.array([[0, 0, 0], [3, 0, 0]], float), colors))
+    with with_constants(color, softening=1e-9, contrast=1e9):
+        found = source.find_colors(np.array([[1.0, 0.0, 0.0]]))
+    assert found.tolist() == [[102, 102, 102]]  # weights 1 and 1/4
 
 
 def test_edges_stay_sharp():
@@ -68,8 +69,6 @@ def test_no_place_has_no_color():
 def test_a_cloud_without_colors_is_refused():
     with pytest.raises(ReconstructionError, match="colors"):
         ColorSource(Cloud(np.eye(3)))
-    with pytest.raises(ReconstructionError, match="neighbors"):
-        ColorConfig(neighbors=0)
 
 
 @pytest.mark.parametrize("method", ["gsrm", "gg"])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import trimesh
+from constants import with_constants
 
-from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.surfaces import far_faces
-from reconstruction._src.surfaces.far_faces import FarConfig, cut_far_faces, find_far_faces
+from reconstruction._src.surfaces.far_faces import cut_far_faces, find_far_faces
 from reconstruction._src.surfaces.quality import measure_quality
 
 
@@ -88,10 +88,10 @@ def test_what_the_scanner_looked_through_is_cut_sooner() -> None:
     )
     points = np.concatenate([points, between])
     viewpoint, seen_from = np.array([[-4.0, 0.0, 0.0]]), np.zeros(len(points), dtype=np.int64)
-    config = FarConfig(reach=50.0, plane_reach=50.0, seen_reach=0.5)
     arguments = np.asarray(mesh.vertices), np.asarray(mesh.faces), points
-    assert not find_far_faces(*arguments, config=config).any()
-    is_far = find_far_faces(*arguments, viewpoint, seen_from, config)
+    with with_constants(far_faces, reach=50.0, plane_reach=50.0, seen_reach=0.5):
+        assert not find_far_faces(*arguments).any()
+        is_far = find_far_faces(*arguments, viewpoint, seen_from)
     assert np.flatnonzero(is_far).tolist() == [len(mesh.faces) - 1]
 
 
@@ -113,8 +113,3 @@ def test_the_rest_is_a_manifold(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_few_readings_are_no_ground_to_cut() -> None:
     mesh = add_bridge(make_floor(5))
     assert not find_far_faces(np.asarray(mesh.vertices), np.asarray(mesh.faces), np.zeros((10, 3))).any()
-
-
-def test_a_config_out_of_range_is_refused() -> None:
-    with pytest.raises(ReconstructionError, match="reach"):
-        FarConfig(reach=-1.0)

@@ -10,9 +10,8 @@ from scanned_surface import make_scanned_surface
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.contact.builder import make_contact
-from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
-from symbrion_gym._src.contact.passes import coacd, finish, slabs
-from symbrion_gym._src.contact.primitives import SlabPassConfig
+from symbrion_gym._src.contact.options import ContactOptions
+from symbrion_gym._src.contact.passes import coacd
 from symbrion_gym._src.errors import ArenaError
 
 ACCURACY = 0.005
@@ -85,8 +84,8 @@ def test_pieces_as_good_as_the_slabs_are_taken(mesh, monkeypatch):
 def test_many_slabs_never_go_to_coacd(monkeypatch):
     monkeypatch.setattr(coacd, "decompose_slabs", fail)
     stairs = repair_mesh(make_scanned_surface(StairsCourse(rise=0.1).profile(), num_vertices=2000))
-    config = ContactConfig(slab_pass=SlabPassConfig(max_united=3))
-    contact = make_contact(stairs, ContactOptions(config=config), ACCURACY)
+    monkeypatch.setattr(coacd, "MAX_UNITED", 3)
+    contact = make_contact(stairs, ContactOptions(), ACCURACY)
     assert "too long" in find_note(contact, "decompose united slabs")
     assert contact.quality.mean < 0.003
 
@@ -94,14 +93,14 @@ def test_many_slabs_never_go_to_coacd(monkeypatch):
 @pytest.mark.slow
 def test_boxes_are_refused_where_they_move_the_ground(mesh, monkeypatch):
     monkeypatch.setattr(coacd, "decompose_slabs", fail)
-    monkeypatch.setattr(finish, "turn_into_boxes", shift)
+    monkeypatch.setattr(coacd, "turn_into_boxes", shift)
     contact = make_contact(mesh, ContactOptions(), ACCURACY)
     assert contact.quality.mean < 0.003
     assert "refused" in find_note(contact, "fit boxes")
 
 
 def test_without_slabs_patches_follow_the_course(mesh, monkeypatch):
-    monkeypatch.setattr(slabs, "make_slabs", lambda *_arguments: ([], []))
+    monkeypatch.setattr(coacd, "make_slabs", lambda *_arguments: ([], []))
     contact = make_contact(mesh, ContactOptions(), ACCURACY)
     assert contact.notes["way"] == "patches of planes and triangles"
     assert contact.notes["is_reached"]

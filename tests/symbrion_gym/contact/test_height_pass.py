@@ -1,19 +1,18 @@
 """Rough open ground that becomes a height field by itself, and what does not."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import trimesh
+from constants import with_constants
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.contact.builder import make_contact
-from symbrion_gym._src.contact.kinds import Contact, FieldConfig
-from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
+from symbrion_gym._src.contact.kinds import Contact
+from symbrion_gym._src.contact.options import ContactOptions
+from symbrion_gym._src.contact.passes import patches
 
 ACCURACY = 0.008
-DENSE = ContactConfig(heights=FieldConfig(least_density=1.0))
 
 
 def make_waves(num: int = 41, size: float = 2.0) -> trimesh.Trimesh:
@@ -28,8 +27,9 @@ def make_waves(num: int = 41, size: float = 2.0) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, np.concatenate([first, second]), process=False)
 
 
-def make(mesh: trimesh.Trimesh, config: ContactConfig = DENSE) -> Contact:
-    return make_contact(mesh, ContactOptions(config=config), ACCURACY)
+def make(mesh: trimesh.Trimesh, least_density: float = 1.0) -> Contact:
+    with with_constants(patches, least_density=least_density):
+        return make_contact(mesh, ContactOptions(), ACCURACY)
 
 
 def find_result(contact: Contact) -> str | None:
@@ -66,7 +66,7 @@ def test_equal_ground_gives_equal_heights():
 
 
 def test_ground_with_few_pieces_keeps_them():
-    contact = make(make_waves(), ContactConfig(heights=FieldConfig(least_density=1e6)))
+    contact = make(make_waves(), 1e6)
     assert contact.height_field is None
     assert find_result(contact) is None
 
@@ -90,23 +90,26 @@ def test_ground_below_a_roof_keeps_its_pieces():
 
 @pytest.mark.parametrize("kind", ["primitives", "prisms"])
 def test_other_kinds_are_never_replaced(kind):
-    contact = make_contact(make_waves(15), ContactOptions(kind=kind, config=DENSE), 0.02)
+    with with_constants(patches, least_density=1.0):
+        contact = make_contact(make_waves(15), ContactOptions(kind=kind), 0.02)
     assert contact.height_field is None
 
 
 def test_an_arena_says_that_it_is_a_height_field(tmp_path):
-    arena = make_arena(make_waves(), accuracy=ACCURACY, config=DENSE, cache=False)
+    with with_constants(patches, least_density=1.0):
+        arena = make_arena(make_waves(), accuracy=ACCURACY, cache=False)
     assert arena.kind == "hfield"
     arena.save(tmp_path / "waves")
     assert Arena.load(tmp_path / "waves").kind == "hfield"
 
 
 def test_too_coarse_grids_are_not_taken():
-    config = replace(DENSE, heights=replace(DENSE.heights, coarsest=0.5, finest=0.4))
-    assert make(make_waves(), config).height_field is None
+    with with_constants(patches, coarsest=0.5, finest=0.4):
+        assert make(make_waves()).height_field is None
 
 
 def test_where_pieces_are_asked_for_there_is_no_height_field():
-    contact = make_contact(make_waves(), ContactOptions(kind="convex", config=DENSE), ACCURACY)
+    with with_constants(patches, least_density=1.0):
+        contact = make_contact(make_waves(), ContactOptions(kind="convex"), ACCURACY)
     assert contact.height_field is None
     assert contact.pieces

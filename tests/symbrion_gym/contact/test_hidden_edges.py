@@ -6,7 +6,8 @@ import pytest
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import find_box
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.contact.crease_lines import EdgeConfig, clear_hidden_edges
+from symbrion_gym._src.contact import crease_lines
+from symbrion_gym._src.contact.crease_lines import clear_hidden_edges
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +20,7 @@ def clear(pieces, course):
 
 
 def test_ends_at_a_crest_lie_beneath_the_other_plane_by_the_clearance(course):
-    clearance = EdgeConfig().clearance
+    clearance = crease_lines._CLEARANCE
     _, block, ramp, *_ = clear(course.pieces(), course)
     crest = course.pit / 2 + course.plateau
     # The ramp falls by 1 in 4: its plane is z = 0.25 - (x - crest) / 4, sideways shorter by sqrt(17) / 4.

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from symbrion_gym._src.contact.planes import Planes
-from symbrion_gym._src.contact.seams import SharingConfig, share_planes
+from symbrion_gym._src.contact.seams import share_planes
 
 
 def make_squares(heights: list[float]) -> tuple[trimesh.Trimesh, Planes]:
@@ -40,12 +40,6 @@ def test_sides_that_face_away_from_each_other_stay_apart():
     mesh, planes = make_squares([0.0, 0.0])
     turned = planes._replace(normals=planes.normals * [[1.0], [-1.0]])
     assert np.array_equal(share_planes(mesh, turned, 0.003).normals, turned.normals)
-
-
-def test_nothing_is_shared_without_a_shift():
-    mesh, planes = make_squares([0.0, 0.001])
-    shared = share_planes(mesh, planes, 0.003, SharingConfig(shift=0.0))
-    assert np.array_equal(shared.offsets, planes.offsets)
 
 
 def test_equal_meshes_share_equal_planes():

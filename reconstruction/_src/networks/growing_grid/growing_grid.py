@@ -42,7 +42,6 @@ from reconstruction._src.networks.growing_grid.learning import (
     learn,
 )
 from reconstruction._src.networks.growing_grid.mesh import (
-    CoverConfig,
     find_covered_cells,
     triangulate,
     untangle_sheet,
@@ -109,7 +108,6 @@ class GrowingGridConfig:
     signals_per_unit: int = 30
     fine_signals_per_unit: int = 100
     density: DensityConfig = field(default_factory=DensityConfig)
-    cover: CoverConfig = field(default_factory=CoverConfig)
 
     def __post_init__(self) -> None:
         if self.triangles is not None and self.triangles < 2:
@@ -234,7 +232,7 @@ def _train(
     rows, columns = units.shape[:2]
     has_face = np.ones((rows - 1, columns - 1), dtype=bool)
     if config.mode == "batch":
-        has_face = find_covered_cells(units, scaled, config.cover)
+        has_face = find_covered_cells(units, scaled)
         units = untangle_sheet(units, has_face, is_movable)
     units = units.astype(np.float64) * scale + center
     if start is not None:

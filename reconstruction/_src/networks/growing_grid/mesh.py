@@ -1,12 +1,9 @@
 """The triangles of a grid of units: which diagonal splits a cell, and how folds are taken out."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.geometry.rows import cross_rows, find_lengths, sum_rows
 from reconstruction._src.surfaces.unfolding import unfold_faces, unfold_part
 
@@ -109,34 +106,24 @@ _PLACES = np.array([0.2, 0.5, 0.8])
 """Along each side of a cell: nine places spread evenly over it."""
 
 
-@dataclass(frozen=True)
-class CoverConfig:
-    """Which cells of a grid lie over a hole.
-
-    Attributes:
-        stretch: only cells with a side longer than this many median sides are tested: where there are points, units
-            are, too.
-        max_void: a cell of which a larger share lies far from all points is no surface.
-        num_near: neighbors in the ball that measures the spacing of the points.
-    """
-
-    stretch: float = 2.0
-    max_void: float = 0.5
-    num_near: int = 10
-
-    def __post_init__(self) -> None:
-        check_all_positive(self)
+_STRETCH = 2.0
+"""Only cells with a side longer than this many median sides are tested: where there are points, units are,
+too."""
+_MAX_VOID = 0.5
+"""A cell of which a larger share lies far from all points is no surface."""
+_NUM_NEAR = 10
+"""Neighbors in the ball that measures the spacing of the points."""
 
 
 def find_covered_cells(
-    units: Float[np.ndarray, "R C 3"], points: Float[np.ndarray, "N 3"], config: CoverConfig
+    units: Float[np.ndarray, "R C 3"], points: Float[np.ndarray, "N 3"]
 ) -> Bool[np.ndarray, "R-1 C-1"]:
     """Return which cells belong to the surface: not those drawn out over a hole without points."""
     down = find_lengths(np.diff(units, axis=0))
     across = find_lengths(np.diff(units, axis=1))
     sides = np.stack([down[:, :-1], down[:, 1:], across[:-1], across[1:]])
     longest, typical = sides.max(axis=0), float(np.median(sides))
-    is_covered = longest <= config.stretch * typical
+    is_covered = longest <= _STRETCH * typical
     row, column = np.nonzero(~is_covered)
     if len(row) == 0:
         return is_covered
@@ -146,9 +133,9 @@ def find_covered_cells(
     places = (1 - s) * upper + s * lower
     tree = cKDTree(points)
     distances, nearest = tree.query(places)
-    spacing = tree.query(points[nearest], k=min(config.num_near, len(points) - 1) + 1)[0][..., -1]
+    spacing = tree.query(points[nearest], k=min(_NUM_NEAR, len(points) - 1) + 1)[0][..., -1]
     is_void = distances > np.maximum(spacing, typical)
-    is_covered[row, column] = is_void.mean(axis=0) < config.max_void
+    is_covered[row, column] = is_void.mean(axis=0) < _MAX_VOID
     return open_pinches(is_covered)
 
 

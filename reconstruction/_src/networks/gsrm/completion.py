@@ -5,57 +5,42 @@ debris, or their units may be too few to see one another. Such groups are a surf
 over them alone, where they are the rule, and is put beside the first.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.geometry.rows import find_lengths
 
-
-@dataclass(frozen=True)
-class CompletionConfig:
-    """What counts as left uncovered, and how it is covered. Lengths are in sample spacings.
-
-    Attributes:
-        passes: how often the rest is looked for; 0: never.
-        neighbors: samples around a sample that measure its spacing.
-        gap: a sample farther than this from every face is uncovered. Lower, and what stands off by noise is covered
-            twice; higher, and strips along the rims of the surface stay bare.
-        edge_share: nor is it uncovered nearer than this share of the mean edge of the map: faces cut corners.
-        link: uncovered samples nearer to one another than this are one group.
-        min_samples: a smaller group is stray: mixed pixels, insects, dust.
-        flatness: least variance over the largest of a sample and its neighbors, below which they are flat; of samples
-            that fill space it is 0.1 to 0.5.
-        flat_share: a group of which a smaller share of the samples is flat fills space: no surface.
-        samples_per_unit: samples of such a group for each new unit. They are sparse, so fewer than usual.
-        max_share: the most new units in all, as a share of those wanted.
-    """
-
-    passes: int = 2
-    neighbors: int = 8
-    gap: float = 2.5
-    edge_share: float = 0.75
-    link: float = 3.0
-    min_samples: int = 12
-    flatness: float = 0.06
-    flat_share: float = 0.35
-    samples_per_unit: float = 4.0
-    max_share: float = 0.25
-
-    def __post_init__(self) -> None:
-        check_all_positive(self, may_be_zero=("passes", "max_share", "edge_share"))
+PASSES = 2
+"""How often the rest is looked for; 0: never."""
+_NEIGHBORS = 8
+"""Samples around a sample that measure its spacing."""
+_COMPLETION_GAP = 2.5
+"""A sample farther than this from every face is uncovered. Lower, and what stands off by noise is covered
+twice; higher, and strips along the rims of the surface stay bare."""
+_EDGE_SHARE = 0.75
+"""Nor is it uncovered nearer than this share of the mean edge of the map: faces cut corners."""
+_LINK = 3.0
+"""Uncovered samples nearer to one another than this are one group."""
+_MIN_SAMPLES = 12
+"""A smaller group is stray: mixed pixels, insects, dust."""
+_FLATNESS = 0.06
+"""Least variance over the largest of a sample and its neighbors, below which they are flat; of samples that
+fill space it is 0.1 to 0.5."""
+_FLAT_SHARE = 0.35
+"""A group of which a smaller share of the samples is flat fills space: no surface."""
+SAMPLES_PER_UNIT = 4.0
+"""Samples of such a group for each new unit. They are sparse, so fewer than usual."""
+MAX_SHARE = 0.25
+"""The most new units in all, as a share of those wanted."""
 
 
 def find_uncovered(
     samples: Float[np.ndarray, "N 3"],
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
-    config: CompletionConfig,
 ) -> Bool[np.ndarray, " N"]:
     """Return which samples belong to a group that no face covers."""
     import igl
@@ -64,17 +49,17 @@ def find_uncovered(
     squared = np.asarray(igl.point_mesh_squared_distance(samples.astype(np.float64), vertices, faces)[0])
     corners = vertices[faces]
     edge = find_lengths(corners - np.roll(corners, 1, axis=1)).mean()
-    far = np.flatnonzero(squared > (config.edge_share * edge) ** 2)
+    far = np.flatnonzero(squared > (_EDGE_SHARE * edge) ** 2)
     is_uncovered = np.zeros(len(samples), dtype=bool)
-    num_neighbors = min(config.neighbors, len(samples) - 1)
-    if len(far) < config.min_samples:
+    num_neighbors = min(_NEIGHBORS, len(samples) - 1)
+    if len(far) < _MIN_SAMPLES:
         return is_uncovered
     distances, neighbors = cKDTree(samples).query(samples[far], k=num_neighbors + 1)
     spacing = distances[:, -1] * np.sqrt(np.pi / num_neighbors)
-    is_far = squared[far] > (config.gap * spacing) ** 2
-    is_flat = _find_flatness(samples[neighbors[is_far]]) < config.flatness
+    is_far = squared[far] > (_COMPLETION_GAP * spacing) ** 2
+    is_flat = _find_flatness(samples[neighbors[is_far]]) < _FLATNESS
     far = far[is_far]
-    is_uncovered[far] = _find_groups(samples[far], spacing[is_far], is_flat, config)
+    is_uncovered[far] = _find_groups(samples[far], spacing[is_far], is_flat)
     return is_uncovered
 
 
@@ -82,22 +67,21 @@ def _find_groups(
     samples: Float[np.ndarray, "N 3"],
     spacing: Float[np.ndarray, " N"],
     is_flat: Bool[np.ndarray, " N"],
-    config: CompletionConfig,
 ) -> Bool[np.ndarray, " N"]:
     """Return which samples are in a group that is large and flat enough."""
-    if len(samples) < config.min_samples:
+    if len(samples) < _MIN_SAMPLES:
         return np.zeros(len(samples), dtype=bool)
-    distances, others = cKDTree(samples).query(samples, k=config.min_samples)
-    is_near = distances <= config.link * spacing[:, None]
+    distances, others = cKDTree(samples).query(samples, k=_MIN_SAMPLES)
+    is_near = distances <= _LINK * spacing[:, None]
     first = np.broadcast_to(np.arange(len(samples))[:, None], others.shape)[is_near]
     graph = coo_array((np.ones(len(first)), (first, others[is_near])), shape=(len(samples), len(samples)))
     group = connected_components(graph, directed=False)[1]
     size = np.bincount(group)
-    is_surface = np.bincount(group, is_flat) >= config.flat_share * size
-    for number in np.flatnonzero((size >= config.min_samples) & ~is_surface):
+    is_surface = np.bincount(group, is_flat) >= _FLAT_SHARE * size
+    for number in np.flatnonzero((size >= _MIN_SAMPLES) & ~is_surface):
         # Where noise exceeds the spacing, only the whole group shows that it is flat.
-        is_surface[number] = _find_flatness(samples[None, group == number])[0] < config.flatness
-    return (is_surface & (size >= config.min_samples))[group]
+        is_surface[number] = _find_flatness(samples[None, group == number])[0] < _FLATNESS
+    return (is_surface & (size >= _MIN_SAMPLES))[group]
 
 
 def _find_flatness(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, " M"]:

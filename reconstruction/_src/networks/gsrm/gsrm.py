@@ -22,9 +22,9 @@ from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.changes.free_space import widen
 from reconstruction._src.geometry.rows import sum_rows
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
-from reconstruction._src.networks.gsrm.completion import CompletionConfig, find_uncovered
+from reconstruction._src.networks.gsrm.completion import MAX_SHARE, PASSES, SAMPLES_PER_UNIT, find_uncovered
 from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
-from reconstruction._src.networks.gsrm.support import TopologyConfig, make_support
+from reconstruction._src.networks.gsrm.support import make_support
 from reconstruction._src.networks.gsrm.topology import learn_faces
 from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.density import Density, DensityConfig, measure_density
@@ -83,9 +83,7 @@ class GSRMConfig:
     coarse_samples: int = 24
     coarse_iterations: int = 3
     density: DensityConfig = field(default_factory=DensityConfig)
-    topology: TopologyConfig = field(default_factory=TopologyConfig)
     surface_fit: FitConfig = field(default_factory=FitConfig)
-    completion: CompletionConfig = field(default_factory=CompletionConfig)
 
     def __post_init__(self) -> None:
         if self.units < 4:
@@ -245,10 +243,10 @@ def _complete(
     rng: np.random.Generator,
 ) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
     """Return the surface with maps beside it that have grown over what it leaves uncovered (`completion`)."""
-    left = int(config.completion.max_share * config.units)
-    for _ in range(config.completion.passes):
-        rest = samples[find_uncovered(samples, units, faces, config.completion)]
-        number = min(left, int(len(rest) / config.completion.samples_per_unit))
+    left = int(MAX_SHARE * config.units)
+    for _ in range(PASSES):
+        rest = samples[find_uncovered(samples, units, faces)]
+        number = min(left, int(len(rest) / SAMPLES_PER_UNIT))
         if number < _MIN_MAP:
             break
         tiles = make_tiles(rest)
@@ -289,7 +287,7 @@ def _learn_surface(
     """Join finished units by faces and fit these to the samples."""
     winners = search_all(level.tiles, units, 3)
     is_used = level.weights > 0
-    support = make_support(level, units, winners[..., 0], config.topology)
+    support = make_support(level, units, winners[..., 0])
     faces = learn_faces(units, winners[is_used], support, None if old is None else old.faces)
     if len(faces) == 0:
         return units, faces

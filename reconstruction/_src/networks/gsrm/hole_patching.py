@@ -20,7 +20,16 @@ from reconstruction._src.geometry.manifold import (
     group_sides,
 )
 from reconstruction._src.geometry.rows import cross_rows, find_lengths, sum_rows
-from reconstruction._src.networks.gsrm.support import Support
+from reconstruction._src.networks.gsrm.support import (
+    MAX_FOLDED,
+    MAX_HOLE_EDGES,
+    MAX_TIP_EDGES,
+    MAX_VOID,
+    MIN_PATCH_COVER,
+    REVERSED_COST,
+    RIM_COSINE,
+    Support,
+)
 
 
 def patch_holes(
@@ -30,17 +39,16 @@ def patch_holes(
     max_edges: int | None = None,
 ) -> tuple[Int[np.ndarray, "G 3"], Int[np.ndarray, " D"]]:
     """Triangulate the boundary loops of at most `max_edges` edges that lie where there are samples."""
-    config = support.config
-    max_edges = config.max_hole_edges if max_edges is None else max_edges
+    max_edges = MAX_HOLE_EDGES if max_edges is None else max_edges
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= max_edges)
     normals = find_vertex_normals(units, faces)
     loops = [loop for loop in loops if _is_hole(units[loop], normals[loop])]
     if not loops:
         return faces, np.empty(0, dtype=np.int64)
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
-    costs = _rate_triangles(loops, units, normals, config.reversed_cost)
+    costs = _rate_triangles(loops, units, normals, REVERSED_COST)
     patches = [
-        (loop, _triangulate(loop, cost, neighbors, config.reversed_cost))
+        (loop, _triangulate(loop, cost, neighbors, REVERSED_COST))
         for loop, cost in zip(loops, costs, strict=True)
     ]
     closed = [np.array(patch) for _, patch in patches if patch]
@@ -59,22 +67,21 @@ def close_tips(
     units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
 ) -> Int[np.ndarray, "G 3"]:
     """Close what is left of longer holes, and of sharp tips and ridges, whose two sides face apart."""
-    config = support.config
-    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= config.max_tip_edges)
+    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= MAX_TIP_EDGES)
     if not loops:
         return faces
     normals = find_vertex_normals(units, faces)
     normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
-    loops = [loop for loop in loops if _find_outlook(units[loop], normals[loop]) > config.rim_cosine]
+    loops = [loop for loop in loops if _find_outlook(units[loop], normals[loop]) > RIM_COSINE]
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
     added = []
     for loop in loops:
-        costs = _rate_triangles([loop], units, normals, config.reversed_cost)[0]
-        patch = np.array(_triangulate(loop, costs, neighbors, config.reversed_cost))
+        costs = _rate_triangles([loop], units, normals, REVERSED_COST)[0]
+        patch = np.array(_triangulate(loop, costs, neighbors, REVERSED_COST))
         if len(patch) == 0:
             continue
-        void = support.measure_void(units[patch], config.min_patch_cover).sum()
-        if void <= config.max_void and not _is_second_layer(units, faces, loop, patch, config.max_folded):
+        void = support.measure_void(units[patch], MIN_PATCH_COVER).sum()
+        if void <= MAX_VOID and not _is_second_layer(units, faces, loop, patch, MAX_FOLDED):
             added.append(patch)
     return np.concatenate([faces, *added])
 
@@ -120,7 +127,7 @@ def _find_supported(
     """Return which patches lie on samples."""
     faces = np.concatenate(patches)
     owner = np.repeat(np.arange(len(patches)), [len(patch) for patch in patches])
-    return np.bincount(owner, support.measure_void(units[faces])) <= support.config.max_void
+    return np.bincount(owner, support.measure_void(units[faces])) <= MAX_VOID
 
 
 def _find_obstacles(faces: Int[np.ndarray, "F 3"], loops: list[list[int]]) -> Int[np.ndarray, " D"]:

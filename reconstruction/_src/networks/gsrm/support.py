@@ -1,63 +1,48 @@
 """Whether samples lie on a face: what tells a gap in the topology from a hole in the data."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.geometry.rows import cross_rows, find_lengths
 from reconstruction._src.networks.gsrm.growth import Level
 
-
-@dataclass(frozen=True)
-class TopologyConfig:
-    """How faces are learned, and which holes are closed. Lengths are in sample spacings.
-
-    Attributes:
-        gap: a place farther than this from all samples is void, that is, no surface was seen there: a hole wider than
-            four spacings. Lower, and gaps of uneven sampling become holes; higher, and small holes of the surface are
-            closed.
-        max_void: a face or patch whose void is larger spans a hole, in squared sample spacings; half a disc of the
-            radius `gap`.
-        min_cover: a face over which this share of the expected samples lies cuts a corner of the surface and has
-            no void.
-        min_patch_cover: likewise for the patches of `max_tip_edges`, which may reach far: with less, a hole in
-            the data would be covered.
-        few_samples: a unit that wins fewer samples may not see all its edges; places between it and its neighbors
-            then count as samples where there are samples near them.
-        num_neighbors: nearest units to which such a unit may be joined; six in a regular map.
-        rim_neighbors: likewise at the boundary (the rim) of a component, between components.
-        max_hole_edges: longer boundary loops are the boundary of the surface, not holes.
-        max_tip_edges: longer loops are not tested for sharp tips and ridges.
-        rim_cosine: a loop whose area vector lies against the normals next to it by more than this cosine runs
-            around a piece of surface and not around a gap in it.
-        max_folded: a patch of which a larger share of the faces is folded back is a second layer of the surface.
-        reversed_cost: cost of a face that lies against the surface around it; well-shaped faces cost 0.5, slivers 1.
-        min_component: components of fewer faces are debris, where another is `debris_ratio` times as large.
-        debris_ratio: see `min_component`.
-        max_repairs: rounds in which faces around a hole that cannot be closed are removed to close a larger one.
-    """
-
-    gap: float = 2.0
-    max_void: float = 6.0
-    min_cover: float = 0.2
-    min_patch_cover: float = 0.75
-    few_samples: int = 10
-    num_neighbors: int = 6
-    rim_neighbors: int = 24
-    max_hole_edges: int = 24
-    max_tip_edges: int = 64
-    rim_cosine: float = -0.5
-    max_folded: float = 0.3
-    reversed_cost: float = 10.0
-    min_component: int = 6
-    debris_ratio: int = 50
-    max_repairs: int = 6
-
-    def __post_init__(self) -> None:
-        check_all_positive(self, any_sign=("rim_cosine",))
+_TOPOLOGY_GAP = 2.0
+"""A place farther than this from all samples is void, that is, no surface was seen there: a hole wider than
+four spacings. Lower, and gaps of uneven sampling become holes; higher, and small holes of the surface are
+closed."""
+MAX_VOID = 6.0
+"""A face or patch whose void is larger spans a hole, in squared sample spacings; half a disc of the radius
+`gap`."""
+_MIN_COVER = 0.2
+"""A face over which this share of the expected samples lies cuts a corner of the surface and has no void."""
+MIN_PATCH_COVER = 0.75
+"""Likewise for the patches of `max_tip_edges`, which may reach far: with less, a hole in the data would be
+covered."""
+FEW_SAMPLES = 10
+"""A unit that wins fewer samples may not see all its edges; places between it and its neighbors then count as
+samples where there are samples near them."""
+NUM_NEIGHBORS = 6
+"""Nearest units to which such a unit may be joined; six in a regular map."""
+RIM_NEIGHBORS = 24
+"""Likewise at the boundary (the rim) of a component, between components."""
+MAX_HOLE_EDGES = 24
+"""Longer boundary loops are the boundary of the surface, not holes."""
+MAX_TIP_EDGES = 64
+"""Longer loops are not tested for sharp tips and ridges."""
+RIM_COSINE = -0.5
+"""A loop whose area vector lies against the normals next to it by more than this cosine runs around a piece of
+surface and not around a gap in it."""
+MAX_FOLDED = 0.3
+"""A patch of which a larger share of the faces is folded back is a second layer of the surface."""
+REVERSED_COST = 10.0
+"""Cost of a face that lies against the surface around it; well-shaped faces cost 0.5, slivers 1."""
+MIN_COMPONENT = 6
+"""Components of fewer faces are debris, where another is `debris_ratio` times as large."""
+DEBRIS_RATIO = 50
+"""See `min_component`."""
+MAX_REPAIRS = 6
+"""Rounds in which faces around a hole that cannot be closed are removed to close a larger one."""
 
 
 _PLACES = (
@@ -65,7 +50,6 @@ _PLACES = (
     / 12
 )
 """Barycentric coordinates of seven places spread evenly over a face."""
-_DEFAULT = TopologyConfig()
 
 
 class Support:
@@ -80,12 +64,10 @@ class Support:
         self,
         tree: cKDTree,
         spacings: Float[np.ndarray, " N"],
-        config: TopologyConfig = _DEFAULT,
         *,
         is_uneven: bool = False,
     ) -> None:
         """Keep the samples."""
-        self.config = config
         self._tree = tree
         self._spacings = np.maximum(spacings, np.finfo(float).tiny ** 0.25)  # samples may coincide
         self.is_uneven = is_uneven
@@ -94,10 +76,10 @@ class Support:
         self, corners: Float[np.ndarray, "F 3 3"], min_cover: float | None = None
     ) -> Float[np.ndarray, " F"]:
         """Return how much of each face is far from all samples, in squared spacings."""
-        min_cover = self.config.min_cover if min_cover is None else min_cover
+        min_cover = _MIN_COVER if min_cover is None else min_cover
         places = np.einsum("pk,fki->fpi", _PLACES, corners)
         distances, nearest = self._tree.query(places)
-        is_void = distances > self.config.gap * self._spacings[nearest]
+        is_void = distances > _TOPOLOGY_GAP * self._spacings[nearest]
         cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         expected = find_lengths(cross) / 2 / self._spacings[nearest].mean(axis=1) ** 2
         void = expected * is_void.mean(axis=1)
@@ -109,7 +91,7 @@ class Support:
     def is_near(self, places: Float[np.ndarray, "Q 3"]) -> Bool[np.ndarray, " Q"]:
         """Return which places have a sample nearer than a gap."""
         distances, nearest = self._tree.query(places)
-        return distances <= self.config.gap * self._spacings[nearest]
+        return distances <= _TOPOLOGY_GAP * self._spacings[nearest]
 
     def _count_over(self, corners: Float[np.ndarray, "3 3"]) -> int:
         """Count the samples within a face's reach whose foot lies in it."""
@@ -128,7 +110,6 @@ def make_support(
     level: Level,
     units: Float[np.ndarray, "U 3"],
     winners: Int[np.ndarray, "T S"],
-    config: TopologyConfig = _DEFAULT,
 ) -> Support:
     """Prepare the samples of a level for queries; outliers support nothing.
 
@@ -137,9 +118,9 @@ def make_support(
     """
     is_used = level.weights > 0
     spacings = level.spacings
-    sparse = find_sparse(winners[is_used], len(units), config.few_samples)
+    sparse = find_sparse(winners[is_used], len(units), FEW_SAMPLES)
     if len(sparse):
-        distances, _ = cKDTree(units).query(units[sparse], k=min(config.num_neighbors, len(units) - 1) + 1)
+        distances, _ = cKDTree(units).query(units[sparse], k=min(NUM_NEIGHBORS, len(units) - 1) + 1)
         widest = np.zeros(len(units))
         widest[sparse] = np.median(distances[:, 1:], axis=1) / 2
         spacings = np.where(is_used, np.maximum(spacings, widest[winners]), spacings)
@@ -147,8 +128,8 @@ def make_support(
     if is_used[level.tiles.is_real].all():
         by_sample = np.empty(level.tiles.tree.n)
         by_sample[level.tiles.order[is_used]] = spacings[is_used]
-        return Support(level.tiles.tree, by_sample, config, is_uneven=is_uneven)
-    return Support(cKDTree(level.tiles.samples[is_used]), spacings[is_used], config, is_uneven=is_uneven)
+        return Support(level.tiles.tree, by_sample, is_uneven=is_uneven)
+    return Support(cKDTree(level.tiles.samples[is_used]), spacings[is_used], is_uneven=is_uneven)
 
 
 def find_sparse(winners: Int[np.ndarray, " N"], num_units: int, few_samples: int) -> Int[np.ndarray, " C"]:

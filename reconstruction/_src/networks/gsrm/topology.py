@@ -18,7 +18,17 @@ from reconstruction._src.geometry.manifold import group_sides, is_in_sorted, mak
 from reconstruction._src.geometry.orientation import find_components
 from reconstruction._src.geometry.rows import find_lengths, sum_rows
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
-from reconstruction._src.networks.gsrm.support import Support, TopologyConfig, find_sparse
+from reconstruction._src.networks.gsrm.support import (
+    DEBRIS_RATIO,
+    FEW_SAMPLES,
+    MAX_REPAIRS,
+    MAX_VOID,
+    MIN_COMPONENT,
+    NUM_NEIGHBORS,
+    RIM_NEIGHBORS,
+    Support,
+    find_sparse,
+)
 
 _EMPTINESS_SLACK = 1e-5
 """Share of the squared radius by which float32 may misplace a neighbor on the ball."""
@@ -52,8 +62,8 @@ def propose_faces(
     Arguments as of `learn_faces`. The faces are not a manifold yet.
     """
     triples = find_triples(winners, len(units))
-    sparse = find_sparse(winners[:, 0], len(units), support.config.few_samples)
-    num_neighbors = support.config.num_neighbors
+    sparse = find_sparse(winners[:, 0], len(units), FEW_SAMPLES)
+    num_neighbors = NUM_NEIGHBORS
     if len(sparse):
         triples = _witness_midpoints(units, triples, sparse, support, num_neighbors)
     faces, margin = _propose(units, triples, support)
@@ -80,11 +90,11 @@ def join_components(
         return faces
     border = find_border(faces, num_units)
     known = _sorted_unique(_key(faces[np.isin(faces, border).any(axis=1)].astype(np.int64), num_units))
-    triples = _witness_midpoints(units, known, border, support, support.config.rim_neighbors)
+    triples = _witness_midpoints(units, known, border, support, RIM_NEIGHBORS)
     proposed, margin = _propose(units, triples, support)
     is_new = np.ptp(part[proposed], axis=1) > 0
     is_new &= ~lies_on_full(proposed, faces, num_units)
-    is_new[is_new] = support.measure_void(units[proposed[is_new]]) <= support.config.max_void
+    is_new[is_new] = support.measure_void(units[proposed[is_new]]) <= MAX_VOID
     if not is_new.any():
         return faces
     quality = np.concatenate([np.full(len(faces), np.inf), margin[is_new]])
@@ -123,7 +133,7 @@ def _propose(
     faces = cliques[empty]
     is_doubtful = ~is_in_sorted(_key(faces, len(units)), triples)
     is_kept = ~is_doubtful
-    is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= support.config.max_void
+    is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= MAX_VOID
     return faces[is_kept], margin[is_kept]
 
 
@@ -144,24 +154,22 @@ def finish_faces(
 ) -> Int[np.ndarray, "G 3"]:
     """Return an oriented two-manifold: of conflicting faces the better stay, holes are patched."""
     faces = make_manifold(units, faces, quality)
-    for _ in range(support.config.max_repairs):
+    for _ in range(MAX_REPAIRS):
         faces, obstacles = patch_holes(units, faces, support)
         if len(obstacles) == 0:
             break
         faces = np.delete(faces, obstacles, axis=0)
         faces = make_manifold(units, faces, rate_faces(units, faces))
-    return drop_debris(close_tips(units, faces, support), len(units), support.config)
+    return drop_debris(close_tips(units, faces, support), len(units))
 
 
-def drop_debris(
-    faces: Int[np.ndarray, "F 3"], num_units: int, config: TopologyConfig
-) -> Int[np.ndarray, "G 3"]:
+def drop_debris(faces: Int[np.ndarray, "F 3"], num_units: int) -> Int[np.ndarray, "G 3"]:
     """Return the faces without components of a few faces, where there are much larger ones."""
-    if len(faces) < config.debris_ratio:
+    if len(faces) < DEBRIS_RATIO:
         return faces
     part = find_components(faces, num_units)
     sizes = np.bincount(part)
-    is_kept = (sizes >= config.min_component) | (sizes * config.debris_ratio > sizes.max())
+    is_kept = (sizes >= MIN_COMPONENT) | (sizes * DEBRIS_RATIO > sizes.max())
     return faces[is_kept[part]]
 
 

@@ -11,7 +11,14 @@ from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym._src.contact.coacd_search import decompose_solid
 from symbrion_gym._src.contact.crease_lines import clear_hidden_edges
 from symbrion_gym._src.contact.kinds import Contact
-from symbrion_gym._src.contact.primitives import find_uncovered, is_smooth, make_boxes
+from symbrion_gym._src.contact.primitives import (
+    MAX_PARTS,
+    MAX_SLABS,
+    MAX_UNITED,
+    find_uncovered,
+    is_smooth,
+    make_boxes,
+)
 from symbrion_gym._src.contact.problem import ContactProblem
 from symbrion_gym._src.contact.seams import mend_pieces
 from symbrion_gym._src.contact.slab_union import decompose_slabs, has_moved, restore_planes
@@ -27,8 +34,7 @@ def decompose_united_slabs(problem: ContactProblem, best: Contact | None) -> Con
     """Return coacd's pieces of the united slabs."""
     if best is None or best.notes["way"] != "slabs":
         return None
-    config = problem.config
-    if len(best.pieces) > config.slab_pass.max_united:
+    if len(best.pieces) > MAX_UNITED:
         raise NoCandidate(f"{len(best.pieces)} slabs would take coacd too long")
     try:
         pieces = decompose_slabs(
@@ -37,11 +43,10 @@ def decompose_united_slabs(problem: ContactProblem, best: Contact | None) -> Con
             problem.top.area_faces,
             problem.options.seed,
             problem.deadline.left(),
-            config.union,
         )
-        if has_moved(pieces, best.pieces, config.union):
+        if has_moved(pieces, best.pieces):
             raise NoCandidate("coacd's pieces move walls")
-        pieces = restore_planes(pieces, best.pieces, config.union)
+        pieces = restore_planes(pieces, best.pieces)
     except ArenaError as error:
         raise NoCandidate(str(error)) from error
     return problem.measure(pieces, {**best.notes, "way": "coacd of slabs"})
@@ -64,11 +69,11 @@ def fit_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
     """Return slabs beneath the planes of a terrain; None where it is no terrain, or too rough for planes."""
     if problem.shape != "terrain":
         return None
-    options, config = problem.options, problem.config
+    options = problem.options
     planes, tolerance = problem.terrain_planes
-    if not is_smooth(problem.top, planes, config.slab_pass):
+    if not is_smooth(problem.top, planes):
         return None
-    most = min(options.max_pieces, config.slab_pass.max_slabs)
+    most = min(options.max_pieces, MAX_SLABS)
     top = problem.top
     _, pieces = make_slabs(
         top,
@@ -78,11 +83,10 @@ def fit_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
         most,
         options.thickness,
         problem.deadline.is_over,
-        config.slabs,
     )
     if options.kind == "primitives":
-        boxes = make_boxes(top, problem.top_ground, planes, tolerance, config.primitives)
-        pieces = boxes + find_uncovered(pieces, boxes, tolerance, config.primitives)
+        boxes = make_boxes(top, problem.top_ground, planes, tolerance)
+        pieces = boxes + find_uncovered(pieces, boxes, tolerance)
     if not pieces:
         return None
     notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}
@@ -93,7 +97,7 @@ def close_seams(problem: ContactProblem, best: Contact | None) -> Contact | None
     """Return slabs, or coacd's pieces of them, with closed seams."""
     if best is None or not _is_of_slabs(problem, best):
         return None
-    pieces = mend_pieces(best.pieces, problem.top_ground, problem.deadline.is_over, problem.config.seams)
+    pieces = mend_pieces(best.pieces, problem.top_ground, problem.deadline.is_over)
     return problem.measure(pieces, best.notes)
 
 
@@ -101,19 +105,16 @@ def fit_boxes(problem: ContactProblem, best: Contact | None) -> Contact | None:
     """Return slabs, or coacd's pieces of them, cut at creases and turned into boxes."""
     if best is None or not _is_of_slabs(problem, best):
         return None
-    config = problem.config
-    most = min(problem.options.max_pieces, max(config.slab_pass.max_parts, len(best.pieces)))
-    parts = split_at_creases(best.pieces, most, config.boxes)
-    boxed = turn_into_boxes(parts, problem.top_ground, config.boxes, problem.deadline.is_over)
-    cleared = clear_hidden_edges(boxed, problem.top_ground, config.edges)
+    most = min(problem.options.max_pieces, max(MAX_PARTS, len(best.pieces)))
+    parts = split_at_creases(best.pieces, most)
+    boxed = turn_into_boxes(parts, problem.top_ground, problem.deadline.is_over)
+    cleared = clear_hidden_edges(boxed, problem.top_ground)
     return problem.measure(cleared, best.notes)
 
 
 def _is_of_slabs(problem: ContactProblem, contact: Contact) -> bool:
     """Return whether these are few solids beneath a terrain; mending compares every one with all others."""
-    return (
-        contact.notes["way"].endswith("slabs") and len(contact.pieces) <= problem.config.slab_pass.max_united
-    )
+    return contact.notes["way"].endswith("slabs") and len(contact.pieces) <= MAX_UNITED
 
 
 def stop_clock(problem: ContactProblem, contact: Contact) -> Contact:

@@ -10,14 +10,25 @@ from jaxtyping import Float
 from scipy.ndimage import distance_transform_edt
 
 from reconstruction._src.geometry.rows import make_hull
-from symbrion_gym._src.contact.acceptance import AcceptanceConfig, find_miss
+from symbrion_gym._src.contact.acceptance import ACCEPTANCE_P95, find_miss
 from symbrion_gym._src.contact.decomposition import is_solid
-from symbrion_gym._src.contact.kinds import Contact, FieldConfig, HeightField, make_height_field
+from symbrion_gym._src.contact.kinds import (
+    COARSEST,
+    FINEST,
+    KNOWN,
+    LEAST_DENSITY,
+    SHARE,
+    SHRINK,
+    Contact,
+    HeightField,
+    make_height_field,
+)
+from symbrion_gym._src.contact.options import JOINING, THICKNESS
 from symbrion_gym._src.contact.passes.coacd import NoCandidate
 from symbrion_gym._src.contact.patches import join_faces
 from symbrion_gym._src.contact.problem import ContactProblem
 from symbrion_gym._src.contact.simplification import (
-    SimplificationConfig,
+    GROWTH,
     find_simple,
     is_drawn,
     list_counts,
@@ -35,7 +46,7 @@ def fit_flat_patches(problem: ContactProblem, best: Contact | None) -> Contact |
     or boxes were asked for and found."""
     if best is not None and (_is_reached(problem, best) or problem.options.kind == "primitives"):
         return None
-    flat = snap_to_planes(problem.surface, problem.planes, problem.aim, problem.config.snapping)
+    flat = snap_to_planes(problem.surface, problem.planes, problem.aim)
     notes = {"way": "patches of planes and triangles", "planes": len(problem.planes.normals)}
     return _fit(problem, flat, notes)
 
@@ -59,21 +70,19 @@ def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Cont
 
     Coarser triangles are taken while there are too many pieces, finer ones while the distance is too large.
     """
-    config, options = problem.config, problem.options
-    counts = list_counts(len(surface.faces), config.simplification)
+    options = problem.options
+    counts = list_counts(len(surface.faces))
     start = find_simple(
         surface,
         problem.distance,
         problem.aim,
-        config.acceptance,
-        config.simplification,
-        is_drawn(problem.surface, config.simplification),
+        is_drawn(problem.surface),
     )
     best: Contact | None = None
     index, step = start, 0
     while index < len(counts) and not (best is not None and problem.deadline.is_over()):
         simple = simplify_surface(surface, counts[index])
-        pieces = thicken_patches(problem, simple, config.joining * problem.aim)
+        pieces = thicken_patches(problem, simple, JOINING * problem.aim)
         is_few = len(pieces) <= options.max_pieces
         if not is_few and index == 0:  # many parts: the largest are kept
             pieces = sorted(pieces, key=lambda piece: -piece.area)[: options.max_pieces]
@@ -89,32 +98,29 @@ def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Cont
         step = wanted
         if index == 0 and not is_few:
             break
-        change = 1 if is_few else -_count_steps(len(pieces) / options.max_pieces, config.simplification)
+        change = 1 if is_few else -_count_steps(len(pieces) / options.max_pieces)
         index = max(index + change, 0)
     return best if best is not None and best.pieces else None
 
 
-def _count_steps(ratio: float, config: SimplificationConfig) -> int:
+def _count_steps(ratio: float) -> int:
     """Return how many steps of `list_counts` divide the number of triangles by a ratio above 1."""
-    return max(math.ceil(math.log(ratio) / math.log(config.growth)), 1)
+    return max(math.ceil(math.log(ratio) / math.log(GROWTH)), 1)
 
 
 def thicken_patches(
     problem: ContactProblem, mesh: trimesh.Trimesh, tolerance: float
 ) -> list[trimesh.Trimesh]:
     """Return a convex solid behind each convex patch of a mesh."""
-    config = problem.config
-    thickness = config.thickness.scale_to(float(problem.surface.extents.max()))
+    thickness = THICKNESS.scale_to(float(problem.surface.extents.max()))
 
     def find_limits(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
         return np.where(problem.is_seen_from_behind(places), thickness.two_sided, np.inf)
 
     depths = find_thickness(mesh, find_limits, thickness)
     vertices, corners = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    if tolerance > 0:
-        patches = join_faces(mesh, depths, tolerance, config.patches)
-    else:
-        patches = list(np.arange(len(mesh.faces))[:, None])
+    single = list(np.arange(len(mesh.faces))[:, None])
+    patches = join_faces(mesh, depths, tolerance) if tolerance > 0 else single
     solids = []
     for faces in patches:
         inner = find_inner_points(mesh, faces, depths, thickness)
@@ -133,18 +139,18 @@ def _is_reached(problem: ContactProblem, contact: Contact) -> bool:
 
 
 def _find_miss(problem: ContactProblem, contact: Contact) -> float:
-    return find_miss(contact, problem.accuracy, problem.options.max_pieces, problem.config.acceptance)
+    return find_miss(contact, problem.accuracy, problem.options.max_pieces)
 
 
 def fit_height_field(problem: ContactProblem, best: Contact | None) -> Contact | None:
     """Return a height field of open ground that has many patches; None where it has few, or is no terrain."""
     if best is None or problem.shape != "terrain" or problem.surface.is_watertight:
         return None
-    config, extents = problem.config, problem.surface.extents
-    is_sparse = len(best.pieces) < config.heights.least_density * float(extents[0] * extents[1])
+    extents = problem.surface.extents
+    is_sparse = len(best.pieces) < LEAST_DENSITY * float(extents[0] * extents[1])
     if is_sparse or best.notes["way"].endswith("slabs"):
         return None
-    field = _find_coarsest_field(problem, config.acceptance, config.heights)
+    field = _find_coarsest_field(problem)
     if field is None:
         raise NoCandidate("no grid follows the ground closely enough, or too much of it is not known")
     return field
@@ -157,24 +163,22 @@ def measure_heights(problem: ContactProblem, heights: HeightField, notes: dict) 
     return Contact([], quality, heights, notes)
 
 
-def _find_coarsest_field(
-    problem: ContactProblem, acceptance: AcceptanceConfig, config: FieldConfig
-) -> Contact | None:
+def _find_coarsest_field(problem: ContactProblem) -> Contact | None:
     """Return the coarsest height field that follows the ground closely enough; None where none does."""
-    spacing = config.coarsest
-    while spacing >= config.finest and not problem.deadline.is_over():
-        heights = _sample_heights(problem, spacing, config)
+    spacing = COARSEST
+    while spacing >= FINEST and not problem.deadline.is_over():
+        heights = _sample_heights(problem, spacing)
         if heights is None:
             return None
         made = measure_heights(problem, heights, {"way": "height field", "spacing": spacing})
         mean, p95 = made.quality.mean / problem.accuracy, made.quality.p95 / problem.accuracy
-        if mean <= config.share and p95 <= config.share * acceptance.p95:
+        if mean <= SHARE and p95 <= SHARE * ACCEPTANCE_P95:
             return made
-        spacing *= config.shrink
+        spacing *= SHRINK
     return None
 
 
-def _sample_heights(problem: ContactProblem, spacing: float, config: FieldConfig) -> HeightField | None:
+def _sample_heights(problem: ContactProblem, spacing: float) -> HeightField | None:
     """Return the heights on a grid, those off the ground as at the nearest place on it; None where many are off it.
 
     The outer rows do not count: the rim of a scan is ragged.
@@ -185,7 +189,7 @@ def _sample_heights(problem: ContactProblem, spacing: float, config: FieldConfig
         *(np.linspace(heights.low[i], heights.high[i], n) for i, n in ((0, columns), (1, rows)))
     )
     is_known = np.isfinite(problem.ground.height(x, y))
-    if min(rows, columns) < 3 or is_known[1:-1, 1:-1].mean() < config.known:
+    if min(rows, columns) < 3 or is_known[1:-1, 1:-1].mean() < KNOWN:
         return None
     nearest = np.asarray(distance_transform_edt(~is_known, return_distances=False, return_indices=True))
     return heights._replace(heights=heights.heights[tuple(nearest)])

@@ -1,16 +1,13 @@
 """What a map leaves uncovered in an uneven cloud is found, and covered by a map beside it."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
+from constants import with_constants
 
-from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.networks.gsrm.completion import CompletionConfig, find_uncovered
+from reconstruction._src.networks.gsrm import completion, gsrm
+from reconstruction._src.networks.gsrm.completion import find_uncovered
 from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, train
 from reconstruction._src.surfaces.quality import count_topology, find_distances
 
-CONFIG = CompletionConfig()
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
 
 
@@ -28,17 +25,18 @@ def test_only_groups_far_from_every_face_are_uncovered():
     on = np.c_[rng.uniform(0, 1, (2000, 2)), rng.normal(0, 0.01, 2000)]
     group = np.c_[rng.uniform(0, 1, (40, 2)), np.full(40, 3.0)]
     strays = np.concatenate([[[0.0, 0, -9], [5, 0, -9], [0, 8, 9]], rng.uniform(11, 12, (60, 3))])
-    found = find_uncovered(np.concatenate([on, group, strays]), *SQUARE, CONFIG)
+    found = find_uncovered(np.concatenate([on, group, strays]), *SQUARE)
     assert found[2000:2040].all()
     assert found.sum() == 40
-    few = np.concatenate([on, group[: CONFIG.min_samples - 1]])
-    assert not find_uncovered(few, *SQUARE, CONFIG).any()
+    few = np.concatenate([on, group[: completion._MIN_SAMPLES - 1]])
+    assert not find_uncovered(few, *SQUARE).any()
 
 
 def test_what_was_dropped_as_debris_is_covered_and_the_rest_stays_as_it_is():
     samples = make_scan()
     config = GSRMConfig(units=400)
-    without = train(samples, replace(config, completion=CompletionConfig(passes=0)))
+    with with_constants(gsrm, passes=0):
+        without = train(samples, config)
     state = train(samples, config)
     before, after = (
         find_distances(samples[12_000:12_040], each.units, each.faces) for each in (without, state)
@@ -57,13 +55,7 @@ def test_what_was_dropped_as_debris_is_covered_and_the_rest_stays_as_it_is():
 def test_an_even_cloud_is_not_completed():
     rng = np.random.default_rng(0)
     samples = np.c_[rng.uniform(0, 2, (5000, 2)), np.zeros(5000)]
-    whole, without = (
-        train(samples, GSRMConfig(units=200, completion=CompletionConfig(passes=passes))) for passes in (2, 0)
-    )
+    whole = train(samples, GSRMConfig(units=200))
+    with with_constants(gsrm, passes=0):
+        without = train(samples, GSRMConfig(units=200))
     np.testing.assert_array_equal(whole.units, without.units)
-
-
-@pytest.mark.parametrize("options", [{"gap": 0.0}, {"passes": -1}, {"min_samples": 0}, {"max_share": -0.1}])
-def test_settings_out_of_range_are_refused(options):
-    with pytest.raises(ReconstructionError, match=next(iter(options))):
-        CompletionConfig(**options)
