@@ -188,6 +188,7 @@ class EvolutionConfig(Nested):
     control: ControlConfig = field(default_factory=ControlConfig)
     trial: TrialConfig = field(default_factory=TrialConfig)
     scoring: Any = field(default_factory=Scoring)
+    search: SearchConfig = field(default_factory=SearchConfig)
     validation: Validation = field(default_factory=Validation)
     execution: ExecutionConfig = field(default_factory=ExecutionConfig)
 

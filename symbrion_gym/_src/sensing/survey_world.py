@@ -194,7 +194,7 @@ def _make_pilasters(
                 wall = (low, high)[side][1 - axis]
                 span = sorted((wall, wall + (depth if side == 0 else -depth)))
                 a, b = np.zeros(2), np.zeros(2)
-                a[axis], b[axis], a[1 - axis] = at, at + width, *span
+                a[axis], b[axis], a[1 - axis], b[1 - axis] = at, at + width, *span
                 yield a, b
                 at += width + rng.uniform(*room.pilaster_spacing)
 
