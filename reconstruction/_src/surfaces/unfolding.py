@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges, group_sides
+from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges, group_sides, make_manifold
 from reconstruction._src.geometry.rows import (
     all_rows,
     any_corner,
@@ -201,6 +201,19 @@ def unfold_faces(
     vertices around them move, too.
     """
     return _unfold(vertices, faces, config or UnfoldConfig(), is_movable)[0]
+
+
+def untangle(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "G 3"]]:
+    """Do what `unfold_faces` does; of faces that still lie across others, those across the most go."""
+    vertices, is_tangled = _unfold(vertices, faces, UnfoldConfig())
+    if is_tangled.any():
+        faces = make_manifold(vertices, faces, np.zeros(len(faces)))  # no fold is left
+        while len(pairs := find_intersections(vertices, faces)):
+            faces = np.delete(faces, np.bincount(pairs.ravel()).argmax(), axis=0)
+            faces = make_manifold(vertices, faces, np.zeros(len(faces)))
+    return vertices, faces
 
 
 def _unfold(

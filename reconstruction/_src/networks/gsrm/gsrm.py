@@ -31,7 +31,7 @@ from reconstruction._src.networks.som.density import Density, DensityConfig, mea
 from reconstruction._src.networks.som.winners import Tiles, make_tiles, search_all
 from reconstruction._src.networks.surface_fit import fit_surface
 from reconstruction._src.surfaces.edge_flips import flip_edges
-from reconstruction._src.surfaces.unfolding import unfold_faces
+from reconstruction._src.surfaces.unfolding import untangle
 
 _MIN_MAP = 4
 """A map of fewer units has no surface."""
@@ -333,4 +333,4 @@ def _fit(
             config=config.surface_fit,
         )
         faces = flip_edges(units, faces)
-    return unfold_faces(units, faces), faces
+    return untangle(units, faces)
