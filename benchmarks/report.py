@@ -12,19 +12,33 @@ import importlib.metadata
 import json
 import os
 import platform
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-from evolution._src.search.stored_config import find_revision
 from reconstruction._src.base.atomic_write import write_atomically
 
 RESULTS = Path(os.environ.get("BENCHMARK_RESULTS", Path(__file__).parent / "results"))
 PACKAGES = ("mujoco", "jax", "numpy", "scipy", "coacd", "cma", "gymnasium", "trimesh")
 
 
-REVISION = find_revision()
+def run_git(*words: str) -> str | None:
+    """Return what a git command prints at the root; None where it fails or there is no git."""
+    try:
+        done = subprocess.run(
+            ["git", *words], cwd=ROOT, capture_output=True, check=True, timeout=60, text=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+ROOT = Path(__file__).resolve().parent.parent
+COMMIT = run_git("rev-parse", "HEAD")
 """Found at import: later changes of the files do not affect a running benchmark."""
+IS_DIRTY = bool(run_git("status", "--porcelain", "--", ".", ":(exclude)benchmarks/results"))
+"""Whether the code differs from that commit."""
 
 
 def describe_machine() -> dict[str, str | int | None]:
@@ -65,8 +79,8 @@ def describe_moment() -> dict[str, Any]:
     """Return day and commit of a measurement made now."""
     return {
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "commit": REVISION.commit if REVISION else None,
-        "dirty": REVISION.is_dirty if REVISION else None,
+        "commit": COMMIT,
+        "dirty": IS_DIRTY,
     }
 
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
     from evolution._src.dispatch import evolve
     from evolution._src.errors import EvolutionError, RunError
-    from evolution._src.search.cmaes import CmaesConfig, Stage
     from evolution._src.search.config import EvolutionConfig
     from evolution._src.search.evaluation import Evaluation, Evaluator, evaluate
     from evolution._src.search.loop import load_run, resume
@@ -32,7 +31,6 @@ __all__ = [
     "BodyGenome",
     "Champion",
     "ChampionPolicy",
-    "CmaesConfig",
     "Controller",
     "ControllerConfig",
     "Evaluation",
@@ -48,7 +46,6 @@ __all__ = [
     "Run",
     "RunError",
     "Scoring",
-    "Stage",
     "Validation",
     "confirm",
     "evaluate",

@@ -21,7 +21,7 @@ def make_config(**changes):
     values = {
         "track_control": "skid",
         "bodies": ev.BodiesConfig(algorithm="exhaustive", largest=3, children=20),
-        "learning": ev.LearningConfig(population_size=4, rungs=(1,), exam_trials=1),
+        "learning": ev.LearningConfig(population_size=4, levels=(1,), exam_trials=1),
         "iterations": 1,
     }
     return ev.BodyEvolutionConfig(**values | changes)

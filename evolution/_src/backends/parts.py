@@ -18,7 +18,6 @@ from evolution._src.errors import RunError
 from evolution._src.references import MAX_MAGNITUDE, MAX_MODULES
 from reconstruction._src.base.range_checks import (
     as_floats,
-    as_integers,
     check_choice,
     coerce_integers,
     format_count,
@@ -42,13 +41,10 @@ class BodyConfig:
             `organism`.
         organism: any other body: an `Organism`, or what names one, such as "H", "cross", a number of modules in a
             row, a body plan or a file.
-        body_lengths: smallest and largest number of modules of a snake, if evolution selects it by an additional
-            integer gene; None keeps `modules`. Once a body succeeds reliably, the search continues with shorter ones.
     """
 
     modules: int = 8
     organism: Organism | None = None
-    body_lengths: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -68,27 +64,10 @@ class BodyConfig:
             set_field(self, "organism", organism)
             set_field(self, "modules", organism.num_modules)
         coerce_integers(self, {"modules": (1, MAX_MODULES)}, RunError)
-        if self.body_lengths is not None:
-            self._check_lengths()
 
-    def _check_lengths(self) -> None:
-        lengths = as_integers("body_lengths", self.body_lengths or (), 2, MAX_MODULES, RunError)
-        object.__setattr__(self, "body_lengths", lengths)
-        if len(lengths) != 2 or not lengths[0] < lengths[1]:
-            raise RunError(f"body_lengths is {lengths}; shortest < longest, from 2, is needed")
-        if self.organism is not None:
-            raise RunError(
-                f"body_lengths is {lengths} and organism is given; only the length of snakes evolves"
-            )
-
-    @property
-    def max_modules(self) -> int:
-        """Number of modules of the longest body."""
-        return self.body_lengths[1] if self.body_lengths else self.modules
-
-    def find_organism(self, modules: int | None = None) -> Organism:
-        """Return the organism; a snake of `modules` where its length evolves."""
-        return self.organism or make_snake(self.modules if modules is None else modules)
+    def find_organism(self) -> Organism:
+        """Return the organism."""
+        return self.organism or make_snake(self.modules)
 
 
 @dataclass(frozen=True)

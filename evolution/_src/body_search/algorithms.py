@@ -1,4 +1,4 @@
-"""Searches for bodies: led by a prediction, random, exhaustive. An algorithm asks for lessons and is told them."""
+"""Searches for bodies: led by a prediction, random, exhaustive. An algorithm asks for results and is told them."""
 
 from __future__ import annotations
 
@@ -9,28 +9,34 @@ from typing import Protocol
 import numpy as np
 
 from evolution._src.backends.scoring import Scoring
-from evolution._src.bodies.genome import enumerate_bodies, parse_genome
+from evolution._src.bodies.genome import BodyGenome, enumerate_bodies
 from evolution._src.bodies.variation import cross_over, make_random_body, mutate
 from evolution._src.body_search.config import BodiesConfig, BodyEvolutionConfig
 from evolution._src.body_search.learner import Assignment
-from evolution._src.body_search.learning import LearningConfig, Lesson, Pupil, inherit
+from evolution._src.body_search.learning import LearningConfig, LevelResult
 from evolution._src.body_search.prediction import Prediction
 from evolution._src.body_search.run import BodyRun
 
 CANDIDATES = 30
 """Children bred for each that learns, of which the prediction chooses."""
+_CROSSOVER_SHARE = 0.25
+"""Share of children by crossover rather than mutation."""
+_RANDOM_SHARE = 0.12
+"""Share of children that are new random bodies."""
+_TOURNAMENT_SIZE = 3
+"""Bodies of which the fittest becomes a parent."""
 OPTIMISM = 1.0
 """Standard deviations added to a prediction: what is unknown is tried."""
 
 
 class Algorithm(Protocol):
-    """A search for bodies. It draws from a generator of its own, so that equal lessons give equal proposals."""
+    """A search for bodies. It draws from a generator of its own, so that equal results give equal proposals."""
 
     def ask(self) -> list[Assignment]:
         """Return what shall be learned next; nothing where the search has come to its end."""
         ...
 
-    def tell(self, lessons: Sequence[Lesson]) -> None:
+    def tell(self, results: Sequence[LevelResult]) -> None:
         """Take what was learned, in the order of the assignments."""
         ...
 
@@ -39,42 +45,36 @@ class Breeder:
     """Make children of parents, as the configuration says.
 
     Args:
-        config: shares of crossover and random bodies, mutations, sizes.
-        learning: whether what was learned is inherited.
+        config: sizes of bodies.
         rng: drawn from.
     """
 
-    def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
-        self._config, self._learning, self._rng = config, learning, rng
-        self._founders = [parse_genome(text) for text in reversed(config.founders)]
+    def __init__(self, config: BodiesConfig, rng: np.random.Generator) -> None:
+        self._config, self._rng = config, rng
 
-    def make_random(self) -> Pupil:
+    def make_random(self) -> BodyGenome:
         """Return a random body."""
-        return Pupil(make_random_body(self._rng, self._config.limits))
+        return make_random_body(self._rng, self._config.limits)
 
-    def breed(self, parents: Sequence[Lesson]) -> Pupil:
-        """Return a child of one or two parents that win tournaments; founders and random bodies where there is none."""
-        if self._founders:
-            return Pupil(self._founders.pop(), self._config.founder_genes)
-        if not parents or self._rng.random() < self._config.random_share:
+    def breed(self, parents: Sequence[LevelResult]) -> BodyGenome:
+        """Return a child of one or two parents that win tournaments; random bodies where there is none."""
+        if not parents or self._rng.random() < _RANDOM_SHARE:
             return self.make_random()
         first = self._select(parents)
-        if self._rng.random() < self._config.crossover_share:
+        if self._rng.random() < _CROSSOVER_SHARE:
             second = self._select(parents)
-            child = cross_over(first.pupil.body, second.pupil.body, self._rng, self._config.limits)
-        else:
-            child = mutate(first.pupil.body, self._rng, self._config.limits, self._config.operators)
-        return Pupil(child, inherit(first) if self._learning.is_inherited else ())
+            return cross_over(first.body, second.body, self._rng, self._config.limits)
+        return mutate(first.body, self._rng, self._config.limits)
 
-    def _select(self, parents: Sequence[Lesson]) -> Lesson:
+    def _select(self, parents: Sequence[LevelResult]) -> LevelResult:
         """Return the winner of a tournament: of those drawn, the first in the order of fitness."""
-        return parents[int(self._rng.integers(len(parents), size=self._config.tournament_size).min())]
+        return parents[int(self._rng.integers(len(parents), size=_TOURNAMENT_SIZE).min())]
 
 
 class SurrogateSearch:
-    """A genetic algorithm in rungs in which a Gaussian process over shapes of bodies chooses.
+    """A genetic algorithm in levels in which a Gaussian process over shapes of bodies chooses.
 
-    Many children are bred; those of the highest upper confidence bound learn the first rung, and likewise those that
+    Many children are bred; those of the highest upper confidence bound learn the first level, and likewise those that
     learn on, so that a body is not judged by its first trials alone, and a young one has the credit of its relatives.
 
     References:
@@ -83,87 +83,93 @@ class SurrogateSearch:
     """
 
     def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
-        self._config, self._last = config, len(learning.rungs) - 1
-        self._breeder = Breeder(config, learning, rng)
-        self._layers: list[dict[str, Lesson]] = [{} for _ in learning.rungs]
-        self._shares = [learning.find_promoted_share(rung) for rung in range(self._last)]
-        self._lessons: list[Lesson] = []
+        self._config, self._last = config, len(learning.levels) - 1
+        self._breeder = Breeder(config, rng)
+        self._layers: list[dict[str, LevelResult]] = [{} for _ in learning.levels]
+        self._shares = [learning.find_promoted_share(level) for level in range(self._last)]
+        self._results: list[LevelResult] = []
 
     def ask(self) -> list[Assignment]:
-        """Return promotions of each rung, the highest first, then children; random bodies at first."""
-        if not self._lessons:
+        """Return promotions of each level, the highest first, then children; random bodies at first."""
+        if not self._results:
             return [Assignment(each, 0) for each in self._breed_new([], self._config.population_size)]
-        prediction = Prediction(self._lessons, self._last)
-        fittest = sorted(self._lessons, key=lambda each: (-each.rung, -each.fitness, each.pupil.key))
+        prediction = Prediction(self._results, self._last)
+        fittest = sorted(
+            self._results, key=lambda each: (-each.level, -each.fitness, each.body.canonical_text)
+        )
         parents = fittest[: self._config.population_size]
         children = self._breed_new(parents, CANDIDATES * self._config.children)
         assignments = []
-        for rung in reversed(range(self._last)):
-            layer, promoted = self._layers[rung], self._layers[rung + 1]
-            count = ceil(self._shares[rung] * len(layer)) - len(promoted)
-            waiting = [lesson.pupil for key, lesson in layer.items() if key not in promoted]
+        for level in reversed(range(self._last)):
+            layer, promoted = self._layers[level], self._layers[level + 1]
+            count = ceil(self._shares[level] * len(layer)) - len(promoted)
+            waiting = [result.body for key, result in layer.items() if key not in promoted]
             least = 0 if children else 1  # where no body is new, more learn on
             assignments += [
-                Assignment(each, rung + 1) for each in _choose(prediction, waiting, max(count, least))
+                Assignment(each, level + 1) for each in _choose(prediction, waiting, max(count, least))
             ]
         assignments += [Assignment(each, 0) for each in _choose(prediction, children, self._config.children)]
         return assignments or [Assignment(self._breeder.make_random(), 0)]
 
-    def tell(self, lessons: Sequence[Lesson]) -> None:
-        """Put each lesson into the layer of its rung."""
-        for lesson in lessons:
-            if lesson.pupil.key not in self._layers[lesson.rung]:
-                self._lessons.append(lesson)
-            self._layers[lesson.rung][lesson.pupil.key] = lesson
+    def tell(self, results: Sequence[LevelResult]) -> None:
+        """Put each result into the layer of its level."""
+        for result in results:
+            if result.body.canonical_text not in self._layers[result.level]:
+                self._results.append(result)
+            self._layers[result.level][result.body.canonical_text] = result
 
-    def _breed_new(self, parents: Sequence[Lesson], count: int) -> list[Pupil]:
+    def _breed_new(self, parents: Sequence[LevelResult], count: int) -> list[BodyGenome]:
         """Return children that have not learned yet, each once."""
         bred = [self._breeder.breed(parents) for _ in range(count)]
-        return list({each.key: each for each in bred if each.key not in self._layers[0]}.values())
+        return list(
+            {
+                each.canonical_text: each for each in bred if each.canonical_text not in self._layers[0]
+            }.values()
+        )
 
 
-def _choose(prediction: Prediction, pupils: Sequence[Pupil], count: int) -> list[Pupil]:
-    """Return the pupils of the highest upper confidence bounds."""
-    if not pupils or not count:
+def _choose(prediction: Prediction, bodies: Sequence[BodyGenome], count: int) -> list[BodyGenome]:
+    """Return the bodies of the highest upper confidence bounds."""
+    if not bodies or not count:
         return []
-    mean, spread = prediction.predict([each.body for each in pupils])
+    mean, spread = prediction.predict(bodies)
     order = np.argsort(-(mean + OPTIMISM * spread), kind="stable")
-    return [pupils[index] for index in order[:count]]
+    return [bodies[index] for index in order[:count]]
 
 
 class RandomSearch:
-    """Random bodies, each of which learns to the last rung."""
+    """Random bodies, each of which learns to the last level."""
 
     def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
-        self._config, self._last = config, len(learning.rungs) - 1
-        self._breeder = Breeder(config, learning, rng)
+        self._config, self._last = config, len(learning.levels) - 1
+        self._breeder = Breeder(config, rng)
 
     def ask(self) -> list[Assignment]:
         """Return the bodies of an iteration."""
         return [Assignment(self._breeder.make_random(), self._last) for _ in range(self._config.children)]
 
-    def tell(self, lessons: Sequence[Lesson]) -> None:
-        """Nothing is learned from lessons."""
+    def tell(self, results: Sequence[LevelResult]) -> None:
+        """Nothing is learned from results."""
 
 
 class ExhaustiveSearch:
-    """All bodies, the small ones first, each of which learns to the last rung."""
+    """All bodies, the small ones first, each of which learns to the last level."""
 
     def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
-        self._config, self._last = config, len(learning.rungs) - 1
+        self._config, self._last = config, len(learning.levels) - 1
         self._bodies = self._list()
 
     def ask(self) -> list[Assignment]:
         """Return the bodies of an iteration; nothing after the last."""
         bodies = (next(self._bodies, None) for _ in range(self._config.children))
-        return [Assignment(pupil, self._last) for pupil in bodies if pupil is not None]
+        return [Assignment(body, self._last) for body in bodies if body is not None]
 
-    def tell(self, lessons: Sequence[Lesson]) -> None:
-        """Nothing depends on lessons."""
+    def tell(self, results: Sequence[LevelResult]) -> None:
+        """Nothing depends on results."""
 
-    def _list(self) -> Iterator[Pupil]:
+    def _list(self) -> Iterator[BodyGenome]:
         for count in range(self._config.smallest, self._config.largest + 1):
-            yield from (Pupil(body) for body in enumerate_bodies(count))
+            yield from enumerate_bodies(count)
 
 
 _MAKERS: dict[str, Callable[..., Algorithm]] = {

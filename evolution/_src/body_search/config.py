@@ -15,8 +15,8 @@ from evolution._src.backends.nested import Nested
 from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
 from evolution._src.backends.scoring import Scoring, find_scoring
 from evolution._src.backends.trials import TrialConfig, Trials
-from evolution._src.bodies.genome import BodyGenome, make_row, parse_genome
-from evolution._src.bodies.variation import OPERATORS, BodyLimits
+from evolution._src.bodies.genome import BodyGenome, make_row
+from evolution._src.bodies.variation import BodyLimits
 from evolution._src.body_search.learning import LearningConfig
 from evolution._src.controllers.finding import refer_to_controller
 from evolution._src.controllers.joints import count_tracks
@@ -46,8 +46,7 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
 ALGORITHMS = ("surrogate", "random", "exhaustive")
 RUNTIME_FIELDS = ("iterations", "max_seconds", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
-_FOUNDERLESS = ("random", "exhaustive")
-_BODY_FIELDS = ("modules", "organism", "body_lengths")
+_BODY_FIELDS = ("modules", "organism")
 
 
 @dataclass(frozen=True)
@@ -61,16 +60,8 @@ class BodiesConfig:
         largest: largest number of modules.
         dofs: rotational degrees of freedom of each module: 1 (the hinge), or 2 (and the rotation of the arm, which
             `oscillators` moves by genes of its own).
-        founders: genomes such as "b(b(.))" of bodies that learn first, before random ones; "random" and "exhaustive"
-            have none.
-        founder_genes: name and value of genes at which founders begin to learn; the others begin as every body does.
-            With `is_inherited` their descendants take them over.
         children: new bodies of an iteration.
         population_size: bodies of the first iteration, and fittest ones that may become parents.
-        crossover_share: share of children by crossover rather than mutation.
-        random_share: share of children that are new random bodies.
-        tournament_size: bodies of which the fittest becomes a parent.
-        operators: mutations, see `evolution._src.bodies.variation`.
         max_seconds: simulated time after which no new iteration begins [s]; None: `iterations` decide alone. A resumed
             run may have another one.
 
@@ -82,47 +73,21 @@ class BodiesConfig:
     smallest: int = 1
     largest: int = 8
     dofs: int = 1
-    founders: tuple[str, ...] = ()
-    founder_genes: tuple[tuple[str, float], ...] = ()
     children: int = 9
     population_size: int = 18
-    crossover_share: float = 0.25
-    random_share: float = 0.12
-    tournament_size: int = 3
-    operators: tuple[str, ...] = tuple(OPERATORS)
     max_seconds: float | None = None
 
     def __post_init__(self) -> None:
         check_choice("algorithm", self.algorithm, ALGORITHMS, RunError)
         limits: dict[str, tuple[float, float]] = dict.fromkeys(
-            ("children", "population_size", "tournament_size"), (1, MAX_GENOTYPES)
+            ("children", "population_size"), (1, MAX_GENOTYPES)
         )
         limits |= dict.fromkeys(("smallest", "largest"), (1, MAX_MODULES))
         limits["dofs"] = (1, 2)
         coerce_integers(self, limits, RunError)
-        coerce_floats(self, dict.fromkeys(("crossover_share", "random_share"), (0.0, 1.0)), RunError)
         if self.max_seconds is not None:
             coerce_floats(self, {"max_seconds": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
-        object.__setattr__(self, "operators", tuple(self.operators))
-        unknown = [name for name in self.operators if name not in OPERATORS]
-        if unknown or not self.operators:
-            raise RunError(f"operators is {self.operators}; some of {', '.join(OPERATORS)} are needed")
         _ = self.limits
-        self._check_founders()
-
-    def _check_founders(self) -> None:
-        object.__setattr__(self, "founders", tuple(self.founders))
-        genes = tuple((str(name), float(value)) for name, value in self.founder_genes)
-        object.__setattr__(self, "founder_genes", genes)
-        if self.founder_genes and not self.founders:
-            raise RunError("founder_genes are given, and no founders; give both")
-        if self.founders and self.algorithm in _FOUNDERLESS:
-            raise RunError(f"algorithm {self.algorithm!r} does not begin with founders; leave them out")
-        for text in self.founders:
-            if not self.limits.allow(parse_genome(text)):
-                raise RunError(
-                    f"founder {text!r} does not have {self.smallest} to {self.largest} modules, or they overlap"
-                )
 
     @property
     def limits(self) -> BodyLimits:
@@ -168,14 +133,8 @@ KINDS: Kinds = {name: kind for name, kind in SHARED_KINDS.items() if name not in
     "smallest": int,
     "largest": int,
     "dofs": int,
-    "founders": tuple[str, ...],
-    "founder_genes": tuple[tuple[str, float], ...],
     "children": int,
     "population_size": int,
-    "crossover_share": float,
-    "random_share": float,
-    "tournament_size": int,
-    "operators": tuple[str, ...],
     "max_seconds": float | None,
     "learning": LearningConfig,
     "iterations": int,

@@ -18,7 +18,7 @@ from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import Job, Trials
 from evolution._src.body_search.config import BodyEvolutionConfig
 from evolution._src.body_search.fresh_trials import FreshTrials, find_candidates
-from evolution._src.body_search.learning import Lesson
+from evolution._src.body_search.learning import LevelResult
 from evolution._src.body_search.run import (
     BodyRun,
     Confirmation,
@@ -69,13 +69,13 @@ def confirm(
             the run was read.
     """
     (candidates,) = as_integers("candidates", [candidates], 1, _MOST, RunError)
-    if not run.record.lessons:
+    if not run.record.results:
         raise RunError("no body has learned yet; resume the run")
     fresh = FreshTrials(candidates, validation or Validation())
     with nullcontext() if run.folder is None else RunFolder(run.folder).lock():
         if run.folder is not None:
             fresh = _take_stored(run, fresh)
-        found = replace(run, fresh=_try_again(run, fresh.begin(run.record.lessons), simulate, progress))
+        found = replace(run, fresh=_try_again(run, fresh.begin(run.record.results), simulate, progress))
         write_champion(found)
     confirmation = found.confirmation
     assert confirmation is not None
@@ -85,7 +85,7 @@ def confirm(
 def _take_stored(run: BodyRun, fresh: FreshTrials) -> FreshTrials:
     """Return fresh trials with those that the folder of a run knows, if they follow the same rules."""
     assert run.folder is not None
-    if read_folder(run.folder)[1].num_lessons != run.record.num_lessons:
+    if read_folder(run.folder)[1].num_results != run.record.num_results:
         raise RunError(f"{run.folder} has changed since it was read; read it again by ev.load_bodies")
     known = read_fresh_trials(run.folder, run.config)
     return replace(fresh, tried=known.tried) if known and known.has_rules(fresh.rules) else fresh
@@ -124,8 +124,8 @@ def _try_round(
     run: BodyRun, backend: Backend, fresh: FreshTrials, number: int, indices: list[int]
 ) -> FreshTrials:
     """Return fresh trials with a round of some candidates."""
-    lessons = find_candidates(run.record.lessons, fresh.count)
-    jobs = [_make_job(run.config, lessons[index], number, fresh.rules) for index in indices]
+    results = find_candidates(run.record.results, fresh.count)
+    jobs = [_make_job(run.config, results[index], number, fresh.rules) for index in indices]
     outcomes = backend.run(jobs)
     if not any(each.successes for each in fresh.tried):  # later on, a body may be to blame
         check_tried(outcomes)
@@ -134,9 +134,9 @@ def _try_round(
     return fresh
 
 
-def _make_job(config: BodyEvolutionConfig, lesson: Lesson, number: int, rules: Validation) -> Job:
-    """Return a round of fresh trials of a lesson."""
-    trials: Trials = config.make_trials(lesson.pupil.body, rules.rounds[number], (CONFIRMATION, number))
+def _make_job(config: BodyEvolutionConfig, result: LevelResult, number: int, rules: Validation) -> Job:
+    """Return a round of fresh trials of a result."""
+    trials: Trials = config.make_trials(result.body, rules.rounds[number], (CONFIRMATION, number))
     if isinstance(trials.episode.find_start(), str):  # as in the final test: close before a gap is easier
         trials = replace(trials, episode=replace(trials.episode, start=rules.start))
-    return Job(np.array(lesson.genotype), trials)
+    return Job(np.array(result.genotype), trials)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evolution._src.body_search.learning import Lesson
+from evolution._src.body_search.learning import LevelResult
 from evolution._src.errors import RunError
 from evolution._src.search.validation import Validation, expect_success
 
@@ -24,14 +24,14 @@ class Retrial(NamedTuple):
     """Fresh trials of a candidate.
 
     Attributes:
-        key: the pupil.
-        rung: of its lesson.
+        key: the body.
+        level: of its result.
         successes: of each round so far.
         seconds: simulated [s].
     """
 
     key: str
-    rung: int
+    level: int
     successes: tuple[int, ...] = ()
     seconds: float = 0.0
 
@@ -50,10 +50,10 @@ class FreshTrials:
     rules: Validation = field(default_factory=Validation)
     tried: tuple[Retrial, ...] = ()
 
-    def begin(self, lessons: Sequence[Lesson]) -> FreshTrials:
-        """Return the fresh trials of the candidates among lessons, those that are known already included."""
-        known = {(each.key, each.rung): each for each in self.tried}
-        keys = [(lesson.pupil.key, lesson.rung) for lesson in find_candidates(lessons, self.count)]
+    def begin(self, results: Sequence[LevelResult]) -> FreshTrials:
+        """Return the fresh trials of the candidates among results, those that are known already included."""
+        known = {(each.key, each.level): each for each in self.tried}
+        keys = [(result.body.canonical_text, result.level) for result in find_candidates(results, self.count)]
         return replace(self, tried=tuple(known.get(key, Retrial(*key)) for key in keys))
 
     def has_rules(self, rules: Validation) -> bool:
@@ -112,13 +112,13 @@ class FreshTrials:
             raise RunError(f"{source} is damaged ({error}); remove it, and resume the run") from error
 
 
-def find_candidates(lessons: Sequence[Lesson], count: int) -> list[Lesson]:
-    """Return the fittest lesson of each of the fittest bodies, among lessons with an exam if there are such."""
-    examined = [lesson for lesson in lessons if lesson.trials] or list(lessons)
-    order = sorted(examined, key=lambda each: (-each.fitness, -each.rung, each.pupil.key))
-    fittest: dict[str, Lesson] = {}
-    for lesson in order:
-        fittest.setdefault(lesson.pupil.body.canonical_text, lesson)
+def find_candidates(results: Sequence[LevelResult], count: int) -> list[LevelResult]:
+    """Return the fittest result of each of the fittest bodies, among results with an exam if there are such."""
+    examined = [result for result in results if result.trials] or list(results)
+    order = sorted(examined, key=lambda each: (-each.fitness, -each.level, each.body.canonical_text))
+    fittest: dict[str, LevelResult] = {}
+    for result in order:
+        fittest.setdefault(result.body.canonical_text, result)
     return list(fittest.values())[:count]
 
 
@@ -129,4 +129,4 @@ def _list_rules(rules: Validation) -> dict[str, Any]:
 
 def _read_retrial(content: dict[str, Any]) -> Retrial:
     successes = tuple(int(each) for each in content["successes"])
-    return Retrial(str(content["key"]), int(content["rung"]), successes, float(content["seconds"]))
+    return Retrial(str(content["key"]), int(content["level"]), successes, float(content["seconds"]))

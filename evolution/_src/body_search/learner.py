@@ -13,7 +13,7 @@ from evolution._src.backends.outcome import Outcome, check_tried
 from evolution._src.backends.scoring import compute_fitness
 from evolution._src.backends.trials import Job
 from evolution._src.body_search.config import BodyEvolutionConfig
-from evolution._src.body_search.learning import Learning, Lesson, Pupil
+from evolution._src.body_search.learning import BodyGenome, Learning, LevelResult
 from evolution._src.body_search.record import BodyRecord
 from evolution._src.errors import RunError
 
@@ -39,15 +39,15 @@ OnTried = Callable[[Tried], None]
 
 
 class Assignment(NamedTuple):
-    """A pupil, and the rung to which it shall learn.
+    """A body, and the level to which it shall learn.
 
     Attributes:
-        pupil: the body and where it begins.
-        rung: index of the rung.
+        body: the body and where it begins.
+        level: index of the level.
     """
 
-    pupil: Pupil
-    rung: int
+    body: BodyGenome
+    level: int
 
 
 class Learner:
@@ -55,7 +55,7 @@ class Learner:
 
     Args:
         config: configuration of the run.
-        record: what is known; lessons are added to it.
+        record: what is known; results are added to it.
         backend: runs the trials; None where all is recorded.
     """
 
@@ -66,55 +66,57 @@ class Learner:
 
     def knows(self, assignments: Sequence[Assignment]) -> bool:
         """Return whether all of it is recorded."""
-        return all(self._record.find(each.pupil.key, each.rung) is not None for each in assignments)
+        return all(
+            self._record.find(each.body.canonical_text, each.level) is not None for each in assignments
+        )
 
-    def learn(self, assignments: Sequence[Assignment], on_tried: OnTried | None = None) -> list[Lesson]:
-        """Let each pupil learn to the end of its rung, where it has not yet, and return what it knows then."""
+    def learn(self, assignments: Sequence[Assignment], on_tried: OnTried | None = None) -> list[LevelResult]:
+        """Let each body learn to the end of its level, where it has not yet, and return what it knows then."""
         missing: dict[str, Assignment] = {}
         for each in assignments:
-            if self._record.find(each.pupil.key, each.rung) is None:
-                known = missing.get(each.pupil.key, each)
-                missing[each.pupil.key] = max(known, each, key=lambda one: one.rung)
+            if self._record.find(each.body.canonical_text, each.level) is None:
+                known = missing.get(each.body.canonical_text, each)
+                missing[each.body.canonical_text] = max(known, each, key=lambda one: one.level)
         if missing and self._backend is None:
             raise RunError("a search that is only read tries nothing")
         self._on_tried, self._tried = on_tried, Tried(0, self._count_due(list(missing.values())), 0.0)
         for chunk in _split(list(missing.values()), self._config.trial.rollout.max_environments):
             self._teach(chunk)
-        lessons = [self._record.find(each.pupil.key, each.rung) for each in assignments]
-        return [lesson for lesson in lessons if lesson is not None]
+        results = [self._record.find(each.body.canonical_text, each.level) for each in assignments]
+        return [result for result in results if result is not None]
 
     def _count_due(self, assignments: Sequence[Assignment]) -> int:
         """Return how many trials are not recorded."""
         return sum(
-            self._config.learning.count_trials(rung)
+            self._config.learning.count_trials(level)
             for each in assignments
-            for rung in range(each.rung + 1)
-            if self._record.find(each.pupil.key, rung) is None
+            for level in range(each.level + 1)
+            if self._record.find(each.body.canonical_text, level) is None
         )
 
     def _teach(self, chunk: Sequence[Assignment]) -> None:
-        """Let some pupils learn side by side, a generation of each at a time."""
-        learnings = [self._continue(each.pupil) for each in chunk]
-        for rung, end in enumerate(self._config.learning.rungs):
+        """Let some bodies learn side by side, a generation of each at a time."""
+        learnings = [self._continue(each.body) for each in chunk]
+        for level, end in enumerate(self._config.learning.levels):
             current = [
                 learning
                 for each, learning in zip(chunk, learnings, strict=True)
-                if rung <= each.rung and self._record.find(each.pupil.key, rung) is None
+                if level <= each.level and self._record.find(each.body.canonical_text, level) is None
             ]
-            seconds = dict.fromkeys((learning.pupil.key for learning in current), 0.0)
+            seconds = dict.fromkeys((learning.body.canonical_text for learning in current), 0.0)
             while any(learning.generation < end for learning in current):
                 self._step([learning for learning in current if learning.generation < end], seconds)
-            if self._config.learning.is_examined_early or rung == len(self._config.learning.rungs) - 1:
-                self._examine(current, rung, seconds)
+            if self._config.learning.is_examined_early or level == len(self._config.learning.levels) - 1:
+                self._examine(current, level, seconds)
             else:
-                self._pass_on(current, rung, seconds)
+                self._pass_on(current, level, seconds)
 
-    def _continue(self, pupil: Pupil) -> Learning:
-        """Return the learning of a pupil as it stands after its last recorded rung."""
-        organism = self._config.make_organism(pupil.body)
+    def _continue(self, body: BodyGenome) -> Learning:
+        """Return the learning of a body as it stands after its last recorded level."""
+        organism = self._config.make_organism(body)
         controller = self._config.control.make_controller(organism, self._config.episode)
-        learning = Learning(pupil, controller, self._config.learning, self._config.origin, self._config.seed)
-        for generation in self._record.find_generations(pupil.key):
+        learning = Learning(body, controller, self._config.learning, self._config.origin, self._config.seed)
+        for generation in self._record.find_generations(body.canonical_text):
             learning.tell(learning.ask(), np.array(generation))
         return learning
 
@@ -124,37 +126,37 @@ class Learner:
         jobs = []
         for learning, genotypes in zip(learnings, asked, strict=True):
             conditions = (LEARNING, learning.generation)
-            trials = self._config.make_trials(learning.pupil.body, self._config.learning.trials, conditions)
+            trials = self._config.make_trials(learning.body, self._config.learning.trials, conditions)
             jobs += [Job(genotype, trials) for genotype in genotypes]
         outcomes = iter(self._run(jobs))
         for learning, genotypes in zip(learnings, asked, strict=True):
             own = [next(outcomes) for _ in genotypes]
-            fitness = self._score(learning.pupil, own)
+            fitness = self._score(learning.body, own)
             learning.tell(genotypes, np.array(fitness))
-            self._record.add_generation(learning.pupil.key, fitness)
-            seconds[learning.pupil.key] += sum(outcome.seconds for outcome in own)
+            self._record.add_generation(learning.body.canonical_text, fitness)
+            seconds[learning.body.canonical_text] += sum(outcome.seconds for outcome in own)
 
-    def _examine(self, learnings: Sequence[Learning], rung: int, seconds: dict[str, float]) -> None:
-        """Try the best genotype of each under conditions that are not those of its learning, and record the lessons."""
+    def _examine(self, learnings: Sequence[Learning], level: int, seconds: dict[str, float]) -> None:
+        """Try the best genotype of each under conditions that are not those of its learning, and record the results."""
         count = self._config.learning.exam_trials
-        trials = [self._config.make_trials(each.pupil.body, count, (EXAM, rung)) for each in learnings]
+        trials = [self._config.make_trials(each.body, count, (EXAM, level)) for each in learnings]
         jobs = [Job(learning.best, own) for learning, own in zip(learnings, trials, strict=True)]
         for learning, outcome in zip(learnings, self._run(jobs), strict=True):
-            key = learning.pupil.key
-            passed = _sum_up(learning, rung, seconds[key])
-            lesson = passed._replace(
-                fitness=self._score(learning.pupil, [outcome])[0],
+            key = learning.body.canonical_text
+            passed = _sum_up(learning, level, seconds[key])
+            result = passed._replace(
+                fitness=self._score(learning.body, [outcome])[0],
                 successes=outcome.successes,
                 trials=outcome.trials,
                 effort=outcome.effort,
                 seconds=passed.seconds + outcome.seconds,
             )
-            self._record.add_lesson(lesson)
+            self._record.add_result(result)
 
-    def _pass_on(self, learnings: Sequence[Learning], rung: int, seconds: dict[str, float]) -> None:
+    def _pass_on(self, learnings: Sequence[Learning], level: int, seconds: dict[str, float]) -> None:
         """Record what each has learned, without an exam."""
         for learning in learnings:
-            self._record.add_lesson(_sum_up(learning, rung, seconds[learning.pupil.key]))
+            self._record.add_result(_sum_up(learning, level, seconds[learning.body.canonical_text]))
 
     def _run(self, jobs: Sequence[Job]) -> list[Outcome]:
         assert self._backend is not None
@@ -163,7 +165,7 @@ class Learner:
             tried = self._backend.run(part)
             self._report(tried)
             outcomes += tried
-        if outcomes and not self._record.num_lessons:  # later on, a body may be to blame
+        if outcomes and not self._record.num_results:  # later on, a body may be to blame
             check_tried(outcomes)
         return outcomes
 
@@ -181,16 +183,16 @@ class Learner:
         if self._on_tried is not None:
             self._on_tried(self._tried)
 
-    def _score(self, pupil: Pupil, outcomes: Sequence[Outcome]) -> list[float]:
-        body = self._config.make_organism(pupil.body)
-        return [compute_fitness(self._config.scoring, outcome, body) for outcome in outcomes]
+    def _score(self, body: BodyGenome, outcomes: Sequence[Outcome]) -> list[float]:
+        organism = self._config.make_organism(body)
+        return [compute_fitness(self._config.scoring, outcome, organism) for outcome in outcomes]
 
 
-def _sum_up(learning: Learning, rung: int, seconds: float) -> Lesson:
-    """Return what a pupil has learned, before an exam."""
-    return Lesson(
-        pupil=learning.pupil,
-        rung=rung,
+def _sum_up(learning: Learning, level: int, seconds: float) -> LevelResult:
+    """Return what a body has learned, before an exam."""
+    return LevelResult(
+        body=learning.body,
+        level=level,
         fitness=learning.best_fitness,
         successes=0,
         trials=0,

@@ -1,4 +1,4 @@
-"""What a body learns within its lifetime: CMA-ES over the genes of its controller, in rungs of growing budgets.
+"""What a body learns within its lifetime: CMA-ES over the genes of its controller, in levels of growing budgets.
 
 Every number depends on the seed of the run, the body and where its learning begins, and on nothing else: not on the
 other bodies of the run, their order or the workers.
@@ -6,13 +6,12 @@ other bodies of the run, their order or the workers.
 References:
     Eiben, Hart (2020), If it evolves it needs to learn, GECCO Companion.
     Jamieson, Talwalkar (2016), Non-stochastic best arm identification and hyperparameter optimization, AISTATS:
-    successive halving, whose rungs these are.
+    successive halving, whose levels these are.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,7 +26,7 @@ from evolution._src.search.cmaes import Space, Strategy
 from reconstruction._src.base.range_checks import coerce_floats, coerce_integers
 
 _MAX_SIGMA = 1000.0
-MAX_RUNGS = 10
+MAX_LEVELS = 10
 
 
 @dataclass(frozen=True)
@@ -36,29 +35,23 @@ class LearningConfig:
 
     Attributes:
         population_size: genotypes of a generation of CMA-ES.
-        rungs: generations that a body has learned in all at the end of each rung, the start included.
+        levels: generations that a body has learned in all at the end of each level, the start included.
         sigma: initial step size of CMA-ES, relative to the hint or the zero genotype.
         trials: trials of each genotype.
-        exam_trials: trials of the best genotype at the end of a rung, under conditions that are not those of learning;
+        exam_trials: trials of the best genotype at the end of a level, under conditions that are not those of learning;
             their fitness is that of the body. The best of many noisy samples would flatter it.
-        is_inherited: whether learning begins with what the parent has learned, as far as its genes have the same names
-            (Lamarckian); else where every body begins (Darwinian).
-        is_start_tried: whether the genotype at which learning begins is tried, alone, as the first generation. CMA-ES
-            samples around it only, and a row of modules may cross a pit without any control.
-        is_examined_early: whether there is an exam at the end of each rung; else at the end of the last alone, and
-            the best fitness of learning counts before: flattering, alike for the bodies of a rung, and cheap.
+        is_examined_early: whether there is an exam at the end of each level; else at the end of the last alone, and
+            the best fitness of learning counts before: flattering, alike for the bodies of a level, and cheap.
 
     Raises:
-        RunError: a value is out of range, or the rungs do not rise.
+        RunError: a value is out of range, or the levels do not rise.
     """
 
     population_size: int = 8
-    rungs: tuple[int, ...] = (2, 6, 18)
+    levels: tuple[int, ...] = (2, 6, 18)
     sigma: float = 0.5
     trials: int = 1
     exam_trials: int = 4
-    is_inherited: bool = False
-    is_start_tried: bool = True
     is_examined_early: bool = True
 
     def __post_init__(self) -> None:
@@ -69,52 +62,34 @@ class LearningConfig:
         }
         coerce_integers(self, limits, RunError)
         coerce_floats(self, {"sigma": (MIN_POSITIVE, _MAX_SIGMA)}, RunError)
-        rungs = tuple(int(rung) for rung in self.rungs)
-        object.__setattr__(self, "rungs", rungs)
-        rises = all(low < high for low, high in zip((0, *rungs), rungs, strict=False))
-        if not 1 <= len(rungs) <= MAX_RUNGS or not rises or rungs[-1] > MAX_GENERATIONS:
+        levels = tuple(int(level) for level in self.levels)
+        object.__setattr__(self, "levels", levels)
+        rises = all(low < high for low, high in zip((0, *levels), levels, strict=False))
+        if not 1 <= len(levels) <= MAX_LEVELS or not rises or levels[-1] > MAX_GENERATIONS:
             raise RunError(
-                f"rungs is {self.rungs}; 1 to {MAX_RUNGS} rising numbers of generations are needed, such as (2, 6, 18)"
+                f"levels is {self.levels}; 1 to {MAX_LEVELS} rising numbers are needed, such as (2, 6, 18)"
             )
 
-    def count_trials(self, rung: int) -> int:
-        """Return the trials of a body in a rung, those of the rungs before left out."""
-        begin, end = ((0, *self.rungs)[rung + each] for each in (0, 1))
+    def count_trials(self, level: int) -> int:
+        """Return the trials of a body in a level, those of the levels before left out."""
+        begin, end = ((0, *self.levels)[level + each] for each in (0, 1))
         sizes = [self.population_size] * (end - begin)
-        if self.is_start_tried and not begin:
-            sizes[0] = 1
-        is_examined = self.is_examined_early or rung == len(self.rungs) - 1
+        if not begin:
+            sizes[0] = 1  # the start
+        is_examined = self.is_examined_early or level == len(self.levels) - 1
         return sum(sizes) * self.trials + is_examined * self.exam_trials
 
-    def find_promoted_share(self, rung: int) -> float:
-        """Return which share of the bodies of a rung may learn on, so that the next rung costs as much in all."""
-        return min(self.count_trials(rung) / self.count_trials(rung + 1), 1.0)
+    def find_promoted_share(self, level: int) -> float:
+        """Return which share of the bodies of a level may learn on, so that the next level costs as much in all."""
+        return min(self.count_trials(level) / self.count_trials(level + 1), 1.0)
 
 
-class Pupil(NamedTuple):
-    """A body and where its learning begins.
+class LevelResult(NamedTuple):
+    """What a body has learned at the end of a level.
 
     Attributes:
         body: its genome.
-        genes: name and value of genes that it inherits; empty where learning begins as for every body.
-    """
-
-    body: BodyGenome
-    genes: tuple[tuple[str, float], ...] = ()
-
-    @property
-    def key(self) -> str:
-        """What tells pupils apart; equal for mirror images that inherit nothing."""
-        inherited = ",".join(f"{name}={value!r}" for name, value in self.genes)
-        return f"{self.body.text};{inherited}" if inherited else self.body.canonical_text
-
-
-class Lesson(NamedTuple):
-    """What a body has learned at the end of a rung.
-
-    Attributes:
-        pupil: the body and where it began.
-        rung: index of the rung.
+        level: index of the level.
         fitness: fitness of the best genotype in the trials of the exam; without an exam, that of learning.
         successes: its successful trials there.
         trials: number of these; 0 without an exam.
@@ -122,11 +97,11 @@ class Lesson(NamedTuple):
         genotype: the best genotype of learning.
         names: names of its genes.
         curve: best fitness of each generation of learning.
-        seconds: simulated in this rung [s].
+        seconds: simulated in this level [s].
     """
 
-    pupil: Pupil
-    rung: int
+    body: BodyGenome
+    level: int
     fitness: float
     successes: int
     trials: int
@@ -138,10 +113,10 @@ class Lesson(NamedTuple):
 
 
 class Learning:
-    """The learning of one pupil in progress.
+    """The learning of one body in progress.
 
     Args:
-        pupil: the body and where it begins.
+        body: its genome.
         controller: its controller.
         config: how much it may learn.
         origin: "zero" or "hint", where every body begins.
@@ -149,20 +124,19 @@ class Learning:
     """
 
     def __init__(
-        self, pupil: Pupil, controller: Controller, config: LearningConfig, origin: str, seed: int
+        self, body: BodyGenome, controller: Controller, config: LearningConfig, origin: str, seed: int
     ) -> None:
-        self.pupil, self.controller = pupil, controller
+        self.body, self.controller = body, controller
         self.curve: list[float] = []
-        self.best: Float[np.ndarray, " G"] = np.asarray(_find_start(pupil, controller, origin))
+        self.best: Float[np.ndarray, " G"] = np.asarray(_find_start(controller, origin))
         self.best_fitness = -np.inf
-        self._is_start_tried = config.is_start_tried
         self._strategy: Strategy | None = None
         if controller.parameters:
             self._strategy = Strategy(
                 _make_space(controller, self.best),
                 config.sigma,
                 config.population_size,
-                _derive_seed(pupil, seed),
+                _derive_seed(body, seed),
             )
 
     @property
@@ -178,8 +152,9 @@ class Learning:
 
     @property
     def _is_at_start(self) -> bool:
-        """Whether the next generation is the start alone, of which the strategy is not told."""
-        return self._is_start_tried and not self.curve
+        """Whether the next generation is the start alone, of which the strategy is not told: CMA-ES samples around it
+        only, and a row of modules may cross a pit without any control."""
+        return not self.curve
 
     def tell(self, genotypes: Float[np.ndarray, "P G"], fitness: Float[np.ndarray, " P"]) -> None:
         """Take the fitness of a generation."""
@@ -191,17 +166,10 @@ class Learning:
             self.best_fitness, self.best = float(fitness[index]), np.array(genotypes[index])
 
 
-def inherit(lesson: Lesson) -> tuple[tuple[str, float], ...]:
-    """Return the genes that a child takes over from its parent."""
-    return tuple(zip(lesson.names, lesson.genotype, strict=True))
-
-
-def _find_start(pupil: Pupil, controller: Controller, origin: str) -> list[float]:
+def _find_start(controller: Controller, origin: str) -> list[float]:
     """Return the genotype at which learning begins."""
     base = controller.initial if origin == "hint" else np.zeros(len(controller.parameters))
-    inherited: Mapping[str, float] = dict(pupil.genes)
-    values = [inherited.get(name, value) for name, value in zip(controller.parameters, base, strict=True)]
-    return np.clip(values, controller.lower, controller.upper).tolist() if values else []
+    return np.clip(base, controller.lower, controller.upper).tolist() if len(base) else []
 
 
 def _make_space(controller: Controller, start: Float[np.ndarray, " G"]) -> Space:
@@ -214,7 +182,7 @@ def _make_space(controller: Controller, start: Float[np.ndarray, " G"]) -> Space
     )
 
 
-def _derive_seed(pupil: Pupil, seed: int) -> int:
-    """Return a seed of its own for a pupil."""
-    digest = hashlib.sha256(f"{seed};{pupil.key}".encode()).digest()
+def _derive_seed(body: BodyGenome, seed: int) -> int:
+    """Return a seed of its own for a body."""
+    digest = hashlib.sha256(f"{seed};{body.canonical_text}".encode()).digest()
     return int.from_bytes(digest[:4], "little")

@@ -1,6 +1,6 @@
 """The search for bodies: ask an algorithm, let bodies learn, tell it, record everything.
 
-A run resumes by going through the same code from its beginning, with lessons from the record instead of physics; so
+A run resumes by going through the same code from its beginning, with results from the record instead of physics; so
 what follows is the same to the bit.
 """
 
@@ -21,7 +21,7 @@ from evolution._src.backends.trials import prepare_arena
 from evolution._src.body_search.algorithms import make_algorithm
 from evolution._src.body_search.config import RUNTIME_FIELDS, BodyEvolutionConfig
 from evolution._src.body_search.learner import Learner, OnTried, Tried
-from evolution._src.body_search.learning import Lesson
+from evolution._src.body_search.learning import LevelResult
 from evolution._src.body_search.record import BodyRecord
 from evolution._src.body_search.run import (
     BodyRun,
@@ -101,13 +101,13 @@ def resume_bodies(
     run_folder = RunFolder(folder)
     with run_folder.lock():
         stored, record = read_folder(run_folder.path)
-        config, known = replace(stored, folder=str(folder), **changes).restore(allow), record.num_lessons
+        config, known = replace(stored, folder=str(folder), **changes).restore(allow), record.num_results
         if simulate is None:
             prepare_arena(config.arena, progress)
         if config != stored:
             change_folder(run_folder.path, config, record)
         run = _run(config, record, run_folder.path, simulate, on_iteration, progress)
-    if run.record.num_lessons == known:
+    if run.record.num_results == known:
         reached = {"iterations": run.has_all_iterations, "max_seconds": run.is_spent}
         limits = " and ".join(
             f"{name}={getattr(config, name):g}" for name, is_met in reached.items() if is_met
@@ -153,17 +153,17 @@ def _iterate(
     algorithm, learner = make_algorithm(config), Learner(config, record, backend)
     fresh = None if folder is None else read_fresh_trials(folder, config)
     run = BodyRun(config, record, (), folder, fresh)
-    used: dict[tuple[str, int], Lesson] = {}
+    used: dict[tuple[str, int], LevelResult] = {}
     for _ in range(config.iterations):
         limit, assignments = config.bodies.max_seconds, algorithm.ask()
         is_over = limit is not None and _sum_seconds(used) >= limit
         is_known = learner.knows(assignments)
         if is_over or not assignments or (backend is None and not is_known):
             break
-        lessons = learner.learn(assignments, None if is_known else _follow(config, run, progress))
-        algorithm.tell(lessons)
-        for lesson in lessons:
-            used |= {(lesson.pupil.key, each.rung): each for each in record.find_until(lesson)}
+        results = learner.learn(assignments, None if is_known else _follow(config, run, progress))
+        algorithm.tell(results)
+        for result in results:
+            used |= {(result.body.canonical_text, each.level): each for each in record.find_until(result)}
         run = replace(run, history=(*run.history, (_sum_seconds(used), _find_best(config, used))))
         if is_known:
             continue
@@ -201,11 +201,11 @@ def _find_share(config: BodyEvolutionConfig, run: BodyRun, tried: Tried) -> floa
     return max(of_iterations, min((before + tried.seconds) / max(limit, whole), 1.0))
 
 
-def _sum_seconds(lessons: dict[tuple[str, int], Lesson]) -> float:
-    return sum(lesson.seconds for lesson in lessons.values())
+def _sum_seconds(results: dict[tuple[str, int], LevelResult]) -> float:
+    return sum(result.seconds for result in results.values())
 
 
-def _find_best(config: BodyEvolutionConfig, lessons: dict[tuple[str, int], Lesson]) -> float:
-    """Return the best fitness of a body that has learned to the last rung."""
-    last = len(config.learning.rungs) - 1
-    return max((each.fitness for each in lessons.values() if each.rung == last), default=-inf)
+def _find_best(config: BodyEvolutionConfig, results: dict[tuple[str, int], LevelResult]) -> float:
+    """Return the best fitness of a body that has learned to the last level."""
+    last = len(config.learning.levels) - 1
+    return max((each.fitness for each in results.values() if each.level == last), default=-inf)

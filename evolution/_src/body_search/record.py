@@ -1,6 +1,6 @@
 """Everything that bodies have learned, as JSON: the checkpoint of a search for bodies.
 
-The search is a function of the lessons. To resume it, it begins anew and takes from the record what was tried before,
+The search is a function of the results. To resume it, it begins anew and takes from the record what was tried before,
 so that nothing but numbers and text is stored.
 """
 
@@ -11,61 +11,61 @@ from collections.abc import Iterator
 from typing import Any
 
 from evolution._src.bodies.genome import parse_genome
-from evolution._src.body_search.learning import Lesson, Pupil
+from evolution._src.body_search.learning import LevelResult
 from evolution._src.errors import RunError
 
 FORMAT = "symbrion bodies 1"
 
 
 class BodyRecord:
-    """Lessons of bodies, and the fitness of all genotypes that they tried, in order."""
+    """Results of bodies, and the fitness of all genotypes that they tried, in order."""
 
     def __init__(self) -> None:
-        self._lessons: dict[tuple[str, int], Lesson] = {}
+        self._results: dict[tuple[str, int], LevelResult] = {}
         self._generations: dict[str, list[list[float]]] = {}
 
     @property
-    def lessons(self) -> list[Lesson]:
-        """All lessons, in the order in which they were learned."""
-        return list(self._lessons.values())
+    def results(self) -> list[LevelResult]:
+        """All results, in the order in which they were learned."""
+        return list(self._results.values())
 
     @property
-    def num_lessons(self) -> int:
-        """Number of lessons."""
-        return len(self._lessons)
+    def num_results(self) -> int:
+        """Number of results."""
+        return len(self._results)
 
     @property
     def seconds(self) -> float:
-        """Simulated time of all lessons [s]."""
-        return sum(lesson.seconds for lesson in self._lessons.values())
+        """Simulated time of all results [s]."""
+        return sum(result.seconds for result in self._results.values())
 
-    def find(self, key: str, rung: int) -> Lesson | None:
-        """Return what a pupil knew at the end of a rung; None if it never came there."""
-        return self._lessons.get((key, rung))
+    def find(self, key: str, level: int) -> LevelResult | None:
+        """Return what a body knew at the end of a level; None if it never came there."""
+        return self._results.get((key, level))
 
-    def find_until(self, lesson: Lesson) -> list[Lesson]:
-        """Return what a pupil knew at the end of each rung, up to that of a lesson."""
-        found = (self.find(lesson.pupil.key, rung) for rung in range(lesson.rung + 1))
+    def find_until(self, result: LevelResult) -> list[LevelResult]:
+        """Return what a body knew at the end of each level, up to that of a result."""
+        found = (self.find(result.body.canonical_text, level) for level in range(result.level + 1))
         return [each for each in found if each is not None]
 
     def find_generations(self, key: str) -> Iterator[list[float]]:
-        """Yield the fitness of each generation of a pupil."""
+        """Yield the fitness of each generation of a body."""
         yield from self._generations.get(key, [])
 
     def add_generation(self, key: str, fitness: list[float]) -> None:
-        """Add the fitness of a generation of a pupil."""
+        """Add the fitness of a generation of a body."""
         self._generations.setdefault(key, []).append(fitness)
 
-    def add_lesson(self, lesson: Lesson) -> None:
-        """Add what a pupil knows at the end of a rung."""
-        self._lessons[lesson.pupil.key, lesson.rung] = lesson
+    def add_result(self, result: LevelResult) -> None:
+        """Add what a body knows at the end of a level."""
+        self._results[result.body.canonical_text, result.level] = result
 
     def to_bytes(self, digest: str) -> bytes:
         """Return the content of the file; equal records give equal bytes."""
         content = {
             "format": FORMAT,
             "digest": digest,
-            "lessons": [_lesson_to_json(lesson) for lesson in self.lessons],
+            "results": [_result_to_json(result) for result in self.results],
             "generations": self._generations,
         }
         return json.dumps(content, separators=(",", ":")).encode()
@@ -81,8 +81,8 @@ class BodyRecord:
             if read["digest"] != digest:
                 raise RunError(f"{source} belongs to another configuration; restore config.json from a copy")
             record = cls()
-            for each in read["lessons"]:
-                record.add_lesson(_lesson_from_json(each))
+            for each in read["results"]:
+                record.add_result(_result_from_json(each))
             for key, history in read["generations"].items():
                 for fitness in history:
                     record.add_generation(str(key), [float(value) for value in fitness])
@@ -96,17 +96,14 @@ class BodyRecord:
         return record
 
 
-def _lesson_to_json(lesson: Lesson) -> dict[str, Any]:
-    content = lesson._asdict() | {"body": lesson.pupil.body.text, "inherited": lesson.pupil.genes}
-    del content["pupil"]
-    return content
+def _result_to_json(result: LevelResult) -> dict[str, Any]:
+    return result._asdict() | {"body": result.body.text}
 
 
-def _lesson_from_json(content: dict[str, Any]) -> Lesson:
-    inherited = tuple((str(name), float(value)) for name, value in content["inherited"])
-    return Lesson(
-        pupil=Pupil(parse_genome(content["body"]), inherited),
-        rung=int(content["rung"]),
+def _result_from_json(content: dict[str, Any]) -> LevelResult:
+    return LevelResult(
+        body=parse_genome(content["body"]),
+        level=int(content["level"]),
         fitness=float(content["fitness"]),
         successes=int(content["successes"]),
         trials=int(content["trials"]),

@@ -2,7 +2,7 @@
 
     config.json     the configuration; versions, commit and machine the run began with
     record.json     what every body has learned: the checkpoint
-    bodies.csv      one row per lesson
+    bodies.csv      one row per result
     confirmation.json   fresh trials of the fittest bodies, once the champion has been confirmed
     champion.json   the confirmed body and its controller; before, the fittest one
 
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from evolution._src.backends.parts import BodyConfig
 from evolution._src.body_search.config import BodyEvolutionConfig
 from evolution._src.body_search.fresh_trials import FreshTrials
-from evolution._src.body_search.learning import Lesson
+from evolution._src.body_search.learning import LevelResult
 from evolution._src.body_search.record import BodyRecord
 from evolution._src.errors import RunError
 from evolution._src.search.run import BODIES, describe_origin
@@ -33,7 +33,7 @@ CONFIG, RECORD, TABLE, CHAMPION = "config.json", "record.json", "bodies.csv", "c
 FRESH = "confirmation.json"
 KIND = BODIES
 """What `config.json` says the folder is a run of."""
-COLUMNS = ("body", "plan", "modules", "rung", "fitness", "successes", "trials", "effort", "seconds")
+COLUMNS = ("body", "plan", "modules", "level", "fitness", "successes", "trials", "effort", "seconds")
 
 
 class Confirmation(NamedTuple):
@@ -41,12 +41,12 @@ class Confirmation(NamedTuple):
 
     Attributes:
         champion: the body and its controller, with the successes of these trials.
-        lesson: what it had learned.
+        result: what it had learned.
         seconds: simulated for all candidates [s].
     """
 
     champion: Champion
-    lesson: Lesson
+    result: LevelResult
     seconds: float
 
 
@@ -58,7 +58,7 @@ class BodyRun:
         config: configuration of the run.
         record: what every body has learned.
         history: after each iteration, the simulated time of the run so far [s] and the best fitness of a body that
-            has learned to the last rung; -inf before there is one.
+            has learned to the last level; -inf before there is one.
         folder: folder of the run; None if it is in memory only.
         fresh: fresh trials of bodies that are stored; they may be those of an earlier state of the run.
     """
@@ -70,10 +70,10 @@ class BodyRun:
     fresh: FreshTrials | None = None
 
     @property
-    def best(self) -> Lesson | None:
-        """The lesson of the fittest body among those that have learned most; None before the first."""
-        lessons = self.record.lessons
-        return max(lessons, key=lambda each: (each.rung, each.fitness), default=None)
+    def best(self) -> LevelResult | None:
+        """The result of the fittest body among those that have learned most; None before the first."""
+        results = self.record.results
+        return max(results, key=lambda each: (each.level, each.fitness), default=None)
 
     @property
     def champion(self) -> Champion | None:
@@ -90,43 +90,43 @@ class BodyRun:
     @property
     def confirmation(self) -> Confirmation | None:
         """The champion by fresh trials; None where the fittest bodies have not been tried again (`ev.confirm`)."""
-        lessons = self.record.lessons
-        if self.fresh is None or not lessons or self.fresh.begin(lessons).tried != self.fresh.tried:
+        results = self.record.results
+        if self.fresh is None or not results or self.fresh.begin(results).tried != self.fresh.tried:
             return None
         if not self.fresh.is_complete:
             return None
         best = self.fresh.tried[self.fresh.find_best()]
-        lesson = self.record.find(best.key, best.rung)
-        assert lesson is not None
+        result = self.record.find(best.key, best.level)
+        assert result is not None
         champion = replace(
-            self.make_champion(lesson), successes=sum(best.successes), trials=self.fresh.count_trials(best)
+            self.make_champion(result), successes=sum(best.successes), trials=self.fresh.count_trials(best)
         )
-        return Confirmation(champion, lesson, sum(each.seconds for each in self.fresh.tried))
+        return Confirmation(champion, result, sum(each.seconds for each in self.fresh.tried))
 
-    def make_champion(self, lesson: Lesson) -> Champion:
+    def make_champion(self, result: LevelResult) -> Champion:
         """Return what a body has learned, as `judge` and `play` take it."""
         return Champion(
-            genotype=lesson.genotype,
-            names=lesson.names,
+            genotype=result.genotype,
+            names=result.names,
             arena=self.config.arena,
             generation=0,
-            fitness=lesson.fitness,
-            successes=lesson.successes,
-            trials=lesson.trials,
-            body=BodyConfig(organism=self.config.make_organism(lesson.pupil.body)),
+            fitness=result.fitness,
+            successes=result.successes,
+            trials=result.trials,
+            body=BodyConfig(organism=self.config.make_organism(result.body)),
             episode=self.config.episode,
             control=self.config.control,
         )
 
-    def list_fittest(self) -> list[Lesson]:
-        """Return the lessons of the bodies that have learned most, the fittest first, each body once."""
-        most = max((lesson.rung for lesson in self.record.lessons), default=0)
+    def list_fittest(self) -> list[LevelResult]:
+        """Return the results of the bodies that have learned most, the fittest first, each body once."""
+        most = max((result.level for result in self.record.results), default=0)
         last = sorted(
-            (lesson for lesson in self.record.lessons if lesson.rung == most), key=lambda each: -each.fitness
+            (result for result in self.record.results if result.level == most), key=lambda each: -each.fitness
         )
-        fittest: dict[str, Lesson] = {}
-        for lesson in last:
-            fittest.setdefault(lesson.pupil.body.canonical_text, lesson)
+        fittest: dict[str, LevelResult] = {}
+        for result in last:
+            fittest.setdefault(result.body.canonical_text, result)
         return list(fittest.values())
 
     @property
@@ -220,10 +220,10 @@ def format_table(record: BodyRecord) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for lesson in record.lessons:
-        body = lesson.pupil.body
+    for result in record.results:
+        body = result.body
         row: list[Any] = [body.text, body.to_plan(), body.num_modules]
-        row += [getattr(lesson, name) for name in COLUMNS[3:]]
+        row += [getattr(result, name) for name in COLUMNS[3:]]
         writer.writerow(row)
     return buffer.getvalue()
 

@@ -72,7 +72,9 @@ def find_longest_iteration(config: ev.BodyEvolutionConfig) -> tuple[int, int, fl
     from symbrion_gym._src.environment.config import EnvironmentConfig
 
     assignments = make_algorithm(config).ask()
-    trials = sum(config.learning.count_trials(rung) for each in assignments for rung in range(each.rung + 1))
+    trials = sum(
+        config.learning.count_trials(level) for each in assignments for level in range(each.level + 1)
+    )
     longest = EnvironmentConfig.from_options(config.episode.make_options()).find_task().duration
     return len(assignments), trials, longest
 

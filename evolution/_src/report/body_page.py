@@ -14,14 +14,13 @@ from evolution._src.body_search.algorithms import (
     find_effort_weight,
     format_fitness,
 )
-from evolution._src.body_search.learning import Lesson
+from evolution._src.body_search.learning import LevelResult
 from evolution._src.body_search.run import BodyRun
 from evolution._src.champions.playback import play
 from evolution._src.errors import RunError
 from evolution._src.report.bodies import draw_bodies
 from evolution._src.report.figures import to_png
 from evolution._src.report.page import Card, Page
-from evolution._src.search.stored_config import find_revision
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_count, format_energy
 
@@ -29,10 +28,8 @@ PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
 
 
 def describe_machine() -> str:
-    """Return processor, cores, versions of Python and packages, and the commit of a checkout in one line."""
+    """Return processor, cores, versions of Python and packages in one line."""
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    revision = find_revision()
-    packages += f", commit {revision}" if revision else ""
     return f"{_find_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
 
 
@@ -66,7 +63,7 @@ def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Pr
     fittest = run.list_fittest()[:MOST_CARDS]
     if not fittest:
         raise RunError("no body has learned yet; resume the run")
-    bodies = format_count(len({each.pupil.key for each in run.record.lessons}), "body", "bodies")
+    bodies = format_count(len({each.body.canonical_text for each in run.record.results}), "body", "bodies")
     page = Page(
         title="Bodies that evolved",
         summary=f"{bodies} learned in {run.config.arena}, {run.record.seconds:.0f} s of robot time.",
@@ -103,47 +100,49 @@ def _explain(run: BodyRun) -> list[str]:
 
 
 def _make_cards(
-    run: BodyRun, fittest: Sequence[Lesson], num_films: int, seed: int, progress: Progress
+    run: BodyRun, fittest: Sequence[LevelResult], num_films: int, seed: int, progress: Progress
 ) -> list[Card]:
     """Return the card of the champion, then one for each of the fittest that is not the champion."""
-    champion = run.best if run.confirmation is None else run.confirmation.lesson
+    champion = run.best if run.confirmation is None else run.confirmation.result
     assert champion is not None
     others = [
-        lesson for lesson in fittest if (lesson.pupil.key, lesson.rung) != (champion.pupil.key, champion.rung)
+        result
+        for result in fittest
+        if (result.body.canonical_text, result.level) != (champion.body.canonical_text, champion.level)
     ]
     cards = []
-    for number, lesson in enumerate([champion, *others]):
+    for number, result in enumerate([champion, *others]):
         film = None
         if number < num_films:
-            progress(f"film of {lesson.pupil.body.text}", number / min(num_films, 1 + len(others)))
-            film = _film(run, lesson, seed)
-        cards.append(_make_card(run, lesson, film, lesson is champion))
+            progress(f"film of {result.body.text}", number / min(num_films, 1 + len(others)))
+            film = _film(run, result, seed)
+        cards.append(_make_card(run, result, film, result is champion))
     return cards
 
 
-def _make_card(run: BodyRun, lesson: Lesson, film: bytes | None, is_champion: bool) -> Card:
-    body = lesson.pupil.body
-    exam = f"{lesson.successes} of {lesson.trials} trials" if lesson.trials else "no exam yet"
-    rate, mark = f"{exam} of its exam" if lesson.trials else exam, ""
+def _make_card(run: BodyRun, result: LevelResult, film: bytes | None, is_champion: bool) -> Card:
+    body = result.body
+    exam = f"{result.successes} of {result.trials} trials" if result.trials else "no exam yet"
+    rate, mark = f"{exam} of its exam" if result.trials else exam, ""
     if is_champion:
         mark = "champion" if run.confirmation is not None else "champion, not confirmed"
         if run.confirmation is not None:
             found = run.confirmation.champion
             rate = f"{found.successes} of {found.trials} fresh trials"
-    fitness = format_fitness(run, lesson.fitness)
-    work = format_energy(lesson.effort / find_effort_weight(run.config))
+    fitness = format_fitness(run, result.fitness)
+    work = format_energy(result.effort / find_effort_weight(run.config))
     text = (
         f"{format_count(body.num_modules, 'module')}; work of the hinges {work}, as a mean over trials.\n"
-        f"Exam: {exam} succeeded, {fitness}; it learned in {lesson.seconds:.0f} s of robot time in its last rung.\n"
+        f"Exam: {exam} succeeded, {fitness}; it learned in {result.seconds:.0f} s of robot time in its last level.\n"
         f"Body plan {body.to_plan()}, genome {body.text}"
     )
     label = f"{fitness}\n{format_count(body.num_modules, 'module')}\n{rate}"
     return Card(to_png(draw_bodies([body], [""])), label, text, film, mark)
 
 
-def _film(run: BodyRun, lesson: Lesson, seed: int) -> bytes | None:
+def _film(run: BodyRun, result: LevelResult, seed: int) -> bytes | None:
     """Return one trial as a film; None where there is no OpenGL."""
     from evolution._src.report.video import encode_video
 
-    recording = play(run.make_champion(lesson), run.config.arena, seed, film=True, speed=FILM_SPEED)
+    recording = play(run.make_champion(result), run.config.arena, seed, film=True, speed=FILM_SPEED)
     return encode_video(recording.frames, recording.fps) if recording.frames else None

@@ -31,7 +31,6 @@ from evolution._src.references import (
     MAX_WORKERS,
     MIN_POSITIVE,
 )
-from evolution._src.search.cmaes import CmaesConfig, Stage
 from evolution._src.search.stored_config import (
     SHARED_KINDS,
     Kinds,
@@ -63,32 +62,21 @@ class SearchConfig:
         sigma: initial step size of CMA-ES.
         trials: number of trials of each genotype, under the same conditions within a generation; by default as many
             as `Randomization` has stretches of the arena.
-        stage_sigma: the step size is raised to this when a stage begins or bodies become shorter, and set to this
-            when the search restarts around the fittest genotype.
         restart_after: number of generations without more successful trials than in the best generation before, after
-            which the search restarts: where it began, or, with `body_lengths` or `stages`, around the fittest genotype
-            of the stage, to keep what was learned before. None means never.
-        handle_noise: whether the number of trials rises when re-evaluation changes the order of the genotypes.
-        is_start_tried: whether the first generation contains the genotype at which the search begins: CMA-ES only
-            samples around it, and hinges held straight may be better than all of its neighbors.
+            which the search restarts where it began. None means never.
         initial_genotype: genes at which the search begins, such as those of a champion; empty: as `origin` says.
-        cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
     """
 
     population_size: int = 12
     sigma: float = 0.5
     trials: int = 3
-    stage_sigma: float = 0.15
     restart_after: int | None = 10
-    handle_noise: bool = False
-    is_start_tried: bool = False
     initial_genotype: tuple[float, ...] = ()
-    cmaes: CmaesConfig = field(default_factory=CmaesConfig)
 
     def __post_init__(self) -> None:
         limits = {"population_size": (4, MAX_GENOTYPES), "trials": (1, MAX_TRIALS)}
         coerce_integers(self, limits, RunError)
-        coerce_floats(self, dict.fromkeys(("sigma", "stage_sigma"), (MIN_POSITIVE, _MAX_SIGMA)), RunError)
+        coerce_floats(self, {"sigma": (MIN_POSITIVE, _MAX_SIGMA)}, RunError)
         genes = as_floats("initial_genotype", self.initial_genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
         object.__setattr__(self, "initial_genotype", genes)
         if self.restart_after is not None:
@@ -129,18 +117,13 @@ RUNTIME_FIELDS = ("generations", "workers", "backend", "address", "folder", "sto
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
 KINDS: Kinds = SHARED_KINDS | {
     "arena": str,
-    "stages": tuple[Stage, ...],
     "seed": int,
     "scoring": Scoring,
     "population_size": int,
     "sigma": float,
     "trials": int,
-    "stage_sigma": float,
     "restart_after": int | None,
-    "handle_noise": bool,
-    "is_start_tried": bool,
     "initial_genotype": tuple[float, ...],
-    "cmaes": CmaesConfig,
     "validation": Validation,
     "generations": int,
     "workers": int,
@@ -161,10 +144,9 @@ class EvolutionConfig(Nested):
     option of the environment, such as `pit` or `track_control`.
 
     Attributes:
-        arena: name, folder or file of the arena of a run without stages.
-        stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
+        arena: name, folder or file of the arena.
         seed: seed of all random numbers of the run.
-        body: the body: `modules`, `organism`, `body_lengths`.
+        body: the body: `modules`, `organism`.
         episode: what is to be done: `task`, `start`, `goal`, `environment`.
         control: the controller and where the search begins: `controller`, `controller_config`, `origin`.
         trial: how trials vary and are simulated: `randomization`, `rollout`.
@@ -181,7 +163,6 @@ class EvolutionConfig(Nested):
     PARTS: ClassVar[tuple[str, ...]] = ("body", "episode", "control", "trial", "search", "execution")
 
     arena: str = "gsrm"
-    stages: tuple[Stage, ...] = ()
     seed: int = 0
     body: BodyConfig = field(default_factory=BodyConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
@@ -213,13 +194,12 @@ class EvolutionConfig(Nested):
                 f"body is {type(self.body).__name__}; a `BodyConfig` is needed. To search for bodies, give `evolve` a "
                 "BodyEvolutionConfig(bodies=BodiesConfig(...))"
             )
-        self.set_field("stages", tuple(self.stages))
         self.set_field("scoring", find_scoring(self.scoring))
         coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
         self._check_control()
 
     def _check_control(self) -> None:
-        organism = self.body.find_organism(self.body.max_modules)
+        organism = self.body.find_organism()
         num_tracks = count_tracks(self.episode.track_control, organism.num_modules)
         controller = refer_to_controller(
             self.controller, organism, num_tracks, must_be_found=self.must_be_restorable
@@ -236,8 +216,6 @@ class EvolutionConfig(Nested):
     def _check_initial_genotype(self) -> None:
         if not self.initial_genotype:
             return
-        if self.body_lengths is not None:
-            raise RunError("initial_genotype has the genes of one body; leave out either it or body_lengths")
         if isinstance(self.controller, str):  # one of a user is imported when it is made, and checked then
             law = self.control.make_controller(self.body.find_organism(), self.episode)
             check_genotype("initial_genotype", self.initial_genotype, law)
@@ -246,11 +224,6 @@ class EvolutionConfig(Nested):
     def must_be_restorable(self) -> bool:
         """Whether a file or other processes must find again what a user wrote."""
         return self.execution.folder is not None or self.execution.backend not in LOCAL_BACKENDS
-
-    @property
-    def all_stages(self) -> tuple[Stage, ...]:
-        """The stages; a single one where none are given."""
-        return self.stages or (Stage(self.arena),)
 
     @property
     def validation_start(self) -> Any:

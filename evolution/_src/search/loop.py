@@ -16,18 +16,16 @@ from jaxtyping import Float
 
 from evolution._src.backends.cluster import LOCAL_BACKENDS, Backend, make_backend
 from evolution._src.backends.outcome import check_tried
-from evolution._src.backends.parts import BodyConfig
 from evolution._src.backends.rollout import warm_up
 from evolution._src.backends.scoring import compute_fitness
 from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import Job, Trials, prepare_arena
 from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
-from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import RUNTIME_FIELDS, EvolutionConfig
-from evolution._src.search.record import HISTORY, REEVALUATION, SAMPLE, TIMES, VALIDATION, Entry, Record
+from evolution._src.search.record import HISTORY, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution._src.search.restarting_search import RestartingSearch
-from evolution._src.search.run import Run, RunFolder, find_champion, find_champions, is_solved
+from evolution._src.search.run import Run, RunFolder, find_champion, is_solved
 from evolution._src.search.validation import Champion
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
@@ -111,16 +109,14 @@ def prepare(config: EvolutionConfig, progress: Progress = silent) -> None:
     """Build the arenas of a run, with progress, and check body, start and goal by compiling the first environment."""
     if config.backend == "warp":
         require_extras("backend 'warp'", "gpu")
-    for stage in config.all_stages:
-        prepare_arena(stage.arena, progress)
-    first = config.all_stages[0]
+    prepare_arena(config.arena, progress)
     trials = Trials(
-        arena=first.arena,
-        body=BodyConfig(config.body.max_modules) if config.body_lengths else config.body,
+        arena=config.arena,
+        body=config.body,
         episode=config.episode,
         control=config.control,
         trial=config.trial,
-        count=first.trials or config.trials,
+        count=config.trials,
     )
     is_here, engine = config.backend in LOCAL_BACKENDS, "warp" if config.backend == "warp" else "mujoco"
     progress("compiling the environment", 0.0)
@@ -185,7 +181,6 @@ class _Evolution:
         self._config, self._past, self._backend = config, past, backend
         self._judge = judge or backend
         self._record = Record()
-        self._stage_starts = [0]
         self._replayed: list[Entry] | None = None
         self._wall_seconds = 0.0
 
@@ -211,31 +206,24 @@ class _Evolution:
     def step(self) -> None:
         """Run one generation."""
         began = time.perf_counter()
-        generation, stage = self._record.num_generations, len(self._stage_starts) - 1
+        generation = self._record.num_generations
         population_size, restarts = self._strategy.population_size, self._strategy.restarts
         genotypes, mean = self._strategy.ask(), self._strategy.mean
-        count = round((self._stage.trials or self._config.trials) * self._strategy.trials_factor)
-        samples = self._try(SAMPLE, list(enumerate(genotypes)), count)
+        samples = self._try(SAMPLE, list(enumerate(genotypes)), self._config.trials)
         fitness = np.array([entry.fitness for entry in samples])
-        indices = self._strategy.find_reevaluations(fitness)
-        repeated = self._try(REEVALUATION, [(int(index), genotypes[index]) for index in indices], count)
-        second = {entry.index: entry.fitness for entry in repeated}
-        self._strategy.tell(genotypes, fitness, second)
+        self._strategy.tell(genotypes, fitness)
         validated = self._validate(samples, mean)
-        entries = samples + repeated + validated
+        entries = samples + validated
         self._wall_seconds += time.perf_counter() - began
         row = self._make_row(samples, entries) | {
-            "stage": stage,
             "population_size": population_size,
             "restarts": restarts,
             "validated": len({entry.index for entry in validated}),
         }
         self._record.add_generation(entries, row)
-        champion = self._find_champion(stage)
+        champion = self._find_champion()
         if champion is not None:
             self._record.set_champion(champion.successes, champion.trials)
-            self._search.limit_length(champion, generation + 1)
-        self._promote(stage)
         self._search.restart_if_stagnant(self._record.entries, generation + 1)
 
     def _make_row(self, samples: Sequence[Entry], entries: Sequence[Entry]) -> dict[str, float]:
@@ -260,12 +248,10 @@ class _Evolution:
     def make_run(self, folder: Path | None) -> Run:
         """Return the run so far."""
         names = self._search.controller.parameters
-        champions = find_champions(self._config, self._record, len(self._stage_starts), names)
         return Run(
             config=self._config,
             record=self._record,
-            champion=champions[-1] if champions else None,
-            stage_champions=champions,
+            champion=find_champion(self._config, self._record, names),
             is_solved=self._is_solved(),
             folder=folder,
         )
@@ -288,12 +274,11 @@ class _Evolution:
                 generation=self._record.num_generations,
                 kind=kind,
                 index=index,
-                modules=job.trials.modules,
                 genotype=genotype,
-                fitness=compute_fitness(self._config.scoring, outcome, job.trials.body.find_organism()),
+                fitness=compute_fitness(self._config.scoring, outcome, self._config.body.find_organism()),
                 outcome=outcome,
             )
-            for (index, genotype), job, outcome in zip(numbered, jobs, outcomes, strict=True)
+            for (index, genotype), outcome in zip(numbered, outcomes, strict=True)
         ]
 
     def _make_job(
@@ -306,15 +291,15 @@ class _Evolution:
         if is_validation and config.validation_start != episode.find_start():
             episode = replace(episode, start=config.validation_start)
         trials = Trials(
-            arena=self._stage.arena,
-            body=self._search.select_body(genotype),
+            arena=config.arena,
+            body=config.body,
             episode=episode,
             control=config.control,
             trial=config.trial,
             count=count,
             seed=(config.seed, kind, self._record.num_generations, *own_seed),
         )
-        return Job(self._search.select_controller_genes(genotype), trials)
+        return Job(genotype, trials)
 
     def _take_recorded(
         self, kind: int, numbered: Sequence[tuple[int, Float[np.ndarray, " G"]]]
@@ -329,9 +314,7 @@ class _Evolution:
         return taken
 
     def _validate(self, samples: Sequence[Entry], mean: Float[np.ndarray, " G"]) -> list[Entry]:
-        """Try the candidates of the last stage under new conditions, while enough trials succeed."""
-        if len(self._stage_starts) < len(self._config.all_stages):
-            return []
+        """Try the candidates under new conditions, while enough trials succeed."""
         validation = self._config.validation
         fitness = np.array([entry.fitness for entry in samples])
         indices = validation.select_candidates(fitness, [entry.outcome for entry in samples])
@@ -347,24 +330,11 @@ class _Evolution:
             ]
         return tried
 
-    def _promote(self, stage: int) -> None:
-        stages = self._config.all_stages
-        history = self._record.history[self._stage_starts[-1] :]
-        if stage + 1 < len(stages) and stages[stage].is_done(history):
-            self._stage_starts.append(self._record.num_generations)
-            self._search.widen(self._record.num_generations)
-            logger.info("stage %d begins in %s", stage + 1, stages[stage + 1].arena)
-
-    def _find_champion(self, stage: int) -> Champion | None:
-        return find_champion(self._config, self._record, stage, self._search.controller.parameters)
+    def _find_champion(self) -> Champion | None:
+        return find_champion(self._config, self._record, self._search.controller.parameters)
 
     def _is_solved(self) -> bool:
-        stage = len(self._stage_starts) - 1
-        return is_solved(self._config, self._find_champion(stage), stage)
-
-    @property
-    def _stage(self) -> Stage:
-        return self._config.all_stages[len(self._stage_starts) - 1]
+        return is_solved(self._config, self._find_champion())
 
     def _mismatch(self, generation: int) -> RunError:
         return RunError(

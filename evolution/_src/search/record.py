@@ -70,15 +70,14 @@ def _split(values: np.ndarray, shapes: np.ndarray, total: int) -> list[np.ndarra
 
 
 FORMAT = "symbrion run 2"
-SAMPLE, REEVALUATION, VALIDATION = 0, 1, 2
-"""Kinds of an evaluation: a genotype of a generation, the same a second time, new trials of a candidate."""
+SAMPLE, VALIDATION = 0, 2
+"""Kinds of an evaluation, part of the seeds of its trials: a genotype of a generation, new trials of a candidate."""
 
 HISTORY = np.dtype(
     [
         ("generation", "<i4"),
         ("evaluations", "<i4"),
         ("wall_seconds", "<f8"),
-        ("stage", "<i4"),
         ("best", "<f8"),
         ("median", "<f8"),
         ("sigma", "<f8"),
@@ -105,11 +104,10 @@ class Entry(NamedTuple):
 
     Attributes:
         generation: generation in which it was tried.
-        kind: SAMPLE, REEVALUATION or VALIDATION.
+        kind: SAMPLE or VALIDATION.
         index: index of the genotype in its generation; one more than the last stands for the mean of the search
             distribution.
-        modules: length of its body.
-        genotype: controller genes, then the length of the body where it evolves.
+        genotype: genes of the controller.
         fitness: higher is better.
         outcome: outcome of its trials.
     """
@@ -117,7 +115,6 @@ class Entry(NamedTuple):
     generation: int
     kind: int
     index: int  # pyright: ignore[reportIncompatibleMethodOverride]  (it replaces `tuple.index`)
-    modules: int
     genotype: Float[np.ndarray, " G"]
     fitness: float
     outcome: Outcome
@@ -172,7 +169,6 @@ class Record:
             "generation": np.array([entry.generation for entry in self.entries], dtype="<i4"),
             "kind": np.array([entry.kind for entry in self.entries], dtype="<i4"),
             "index": np.array([entry.index for entry in self.entries], dtype="<i4"),
-            "modules": np.array([entry.modules for entry in self.entries], dtype="<i4"),
             "genotype": np.array([entry.genotype for entry in self.entries], dtype="<f8"),
             "fitness": np.array([entry.fitness for entry in self.entries], dtype="<f8"),
             "progress": np.array([outcome.progress for outcome in outcomes], dtype="<f8"),
@@ -248,7 +244,7 @@ class Record:
                 error=str(value["error"]),
                 descriptors=descriptors[row],
             )
-            numbers = {name: int(value[name]) for name in ("generation", "kind", "index", "modules")}
+            numbers = {name: int(value[name]) for name in ("generation", "kind", "index")}
             fitness = float(value["fitness"])
             record.entries.append(
                 Entry(**numbers, genotype=value["genotype"], fitness=fitness, outcome=outcome)

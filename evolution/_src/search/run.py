@@ -25,33 +25,27 @@ import filelock
 import numpy as np
 from jaxtyping import Shaped
 
-from evolution._src.backends.parts import BodyConfig
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.record import HISTORY, VALIDATION, Record
-from evolution._src.search.stored_config import find_revision
 from evolution._src.search.validation import Champion, select_champion
 from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
 
 
-def find_champion(
-    config: EvolutionConfig, record: Record, stage: int, names: Sequence[str]
-) -> Champion | None:
-    """Return the champion of a stage; None before its first generation."""
-    is_in_stage = list(record.history["stage"] == stage)
-    sufficient_rate = config.validation.success_threshold if config.body_lengths is not None else None
-    entry = select_champion(record, is_in_stage, sufficient_rate)
+def find_champion(config: EvolutionConfig, record: Record, names: Sequence[str]) -> Champion | None:
+    """Return the champion; None before the first generation."""
+    entry = select_champion(record)
     if entry is None:
         return None
     is_validated = entry.kind == VALIDATION
     return Champion(
-        genotype=tuple(entry.genotype[: len(names)].tolist()),
+        genotype=tuple(entry.genotype.tolist()),
         names=tuple(names),
         control=config.control,
-        body=config.body if config.body_lengths is None else BodyConfig(entry.modules),
+        body=config.body,
         episode=config.episode,
-        arena=config.all_stages[stage].arena,
+        arena=config.arena,
         generation=entry.generation,
         fitness=entry.fitness,
         successes=entry.outcome.successes if is_validated else 0,
@@ -59,22 +53,9 @@ def find_champion(
     )
 
 
-def find_champions(
-    config: EvolutionConfig, record: Record, num_stages: int, names: Sequence[str]
-) -> tuple[Champion, ...]:
-    """Return the champion of each stage that has one."""
-    found = [find_champion(config, record, stage, names) for stage in range(num_stages)]
-    return tuple(champion for champion in found if champion is not None)
-
-
-def is_solved(config: EvolutionConfig, champion: Champion | None, stage: int) -> bool:
-    """Return whether a champion solves a run: in its last stage, with the shortest body."""
-    return (
-        champion is not None
-        and stage + 1 == len(config.all_stages)
-        and config.validation.is_solved(champion.successes, champion.trials)
-        and (config.body_lengths is None or champion.modules == config.body_lengths[0])
-    )
+def is_solved(config: EvolutionConfig, champion: Champion | None) -> bool:
+    """Return whether a champion solves a run."""
+    return champion is not None and config.validation.is_solved(champion.successes, champion.trials)
 
 
 CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
@@ -96,7 +77,6 @@ class Run:
         config: configuration of the run.
         record: every genotype and its outcome.
         champion: its best validated genotype; None before the first generation.
-        stage_champions: one for each stage that has begun.
         is_solved: whether a champion was confirmed.
         folder: folder of the run; None if it is in memory only.
     """
@@ -104,7 +84,6 @@ class Run:
     config: EvolutionConfig
     record: Record
     champion: Champion | None
-    stage_champions: tuple[Champion, ...]
     is_solved: bool
     folder: Path | None = None
 
@@ -226,11 +205,9 @@ class RunFolder:
     def read_run(self, config: EvolutionConfig) -> Run:
         """Return the run as its record says, without replaying it: no controller is needed, nor imported."""
         record = self.read_record(config)
-        stage = int(record.history["stage"].max(initial=0))
         names = load_champion(self.path).names if record.num_generations else ()
-        champions = find_champions(config, record, stage + 1, names)
-        champion = champions[-1] if champions else None
-        return Run(config, record, champion, champions, is_solved(config, champion, stage), self.path)
+        champion = find_champion(config, record, names)
+        return Run(config, record, champion, is_solved(config, champion), self.path)
 
     def _refuse_lost_record(self) -> None:
         existing = [name for name in (HISTORY_FILE, CHAMPION) if (self.path / name).exists()]
@@ -306,17 +283,14 @@ def _to_json(content: dict[str, Any]) -> bytes:
 
 
 def describe_origin() -> dict[str, Any]:
-    """Return versions, commit and machine that a run begins with."""
+    """Return versions and machine that a run begins with."""
     versions = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
             versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    revision = find_revision()
     return {
         "versions": versions,
-        "commit": revision.commit if revision else None,
-        "dirty": revision.is_dirty if revision else None,
         "machine": platform.platform(),
     }

@@ -1,12 +1,8 @@
 """A configuration as JSON: fields of parts side by side, as in every version; what a user wrote by reference."""
 
 import json
-import os
-import subprocess
-import tomllib
 from collections.abc import Callable, Collection
-from dataclasses import asdict, dataclass, is_dataclass, replace
-from pathlib import Path
+from dataclasses import asdict, is_dataclass, replace
 from typing import Any, TypeVar
 
 from evolution._src.backends.nested import Nested, Options
@@ -19,7 +15,6 @@ from evolution._src.controllers.finding import controller_to_json
 from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
 from evolution._src.references import Reference, refer
-from evolution._src.search.cmaes import Stage
 from reconstruction._src.base.typed_json import JsonError, as_type
 from symbrion_gym._src.robot.organism import Organism
 
@@ -29,7 +24,6 @@ which a file keeps name, version and fields."""
 SHARED_KINDS: Kinds = {
     "modules": int,
     "organism": Organism | None,
-    "body_lengths": tuple[int, int] | None,
     "task": str | dict[str, Any] | None,
     "start": str | Point | None,
     "goal": str | Point | None,
@@ -85,17 +79,7 @@ def _describe(name: str, value: Any, kind: Any, dict_factory: DictFactory) -> An
         return descriptors_to_json(value)
     if name == "organism":
         return None if value is None else asdict(value)
-    if name == "stages":
-        return [_describe_stage(stage, dict_factory) for stage in value]
     return value
-
-
-def _describe_stage(stage: Stage, dict_factory: DictFactory) -> dict[str, Any]:
-    if type(stage) is not Stage:
-        raise RunError(
-            f"stages has a {type(stage).__qualname__}, which cannot be restored; use `Stage` itself"
-        )
-    return asdict(stage, dict_factory=dict_factory)
 
 
 def read_content(content: object, kinds: Kinds, where: str) -> dict[str, Any]:
@@ -136,61 +120,3 @@ def restore(config: N, allow: Collection[str] = ()) -> N:
         elif isinstance(value, ControllerSource):
             changes[name] = value.allow(allow)
     return replace(config, **changes) if changes else config  # pyright: ignore[reportArgumentType]
-
-
-PROJECT = "symbrion-gym"
-"""Name in the `pyproject.toml` at the root of a checkout."""
-CODE = ("reconstruction", "symbrion_gym", "evolution", "benchmarks", "assets", ":(exclude)benchmarks/results")
-"""Paths that decide results; a change elsewhere (documentation, tests, results) leaves a checkout clean."""
-
-
-@dataclass(frozen=True)
-class Revision:
-    """A state of the project's code.
-
-    Attributes:
-        commit: its hash.
-        is_dirty: whether the code differs from that commit.
-    """
-
-    commit: str
-    is_dirty: bool
-
-    def __str__(self) -> str:
-        """Return a short form for people."""
-        return self.commit[:7] + (" with uncommitted changes" if self.is_dirty else "")
-
-
-def find_revision(file: str | Path = __file__) -> Revision | None:
-    """Return the commit that a file of a package of this project stands at."""
-    file = Path(file).resolve()
-    root = next((folder for folder in file.parents if (folder / "pyproject.toml").is_file()), None)
-    if root is None:
-        return None
-    top = run_git(root, "rev-parse", "--show-toplevel")
-    if top is None or Path(top).resolve() != root or _read_project(root) != PROJECT:
-        return None
-    is_tracked = run_git(root, "ls-files", "--error-unmatch", "--", str(file)) is not None
-    commit = run_git(root, "rev-parse", "--verify", "HEAD") if is_tracked else None
-    return Revision(commit, bool(run_git(root, "status", "--porcelain", "--", *CODE))) if commit else None
-
-
-def run_git(folder: Path, *words: str) -> str | None:
-    """Return what a git command prints in a folder; None where it fails or there is no git.
-
-    Variables such as `GIT_DIR`, which a hook of another repository sets, do not count.
-    """
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
-    command = ["git", "-C", str(folder), *words]
-    try:
-        done = subprocess.run(command, capture_output=True, check=True, timeout=60, env=environment)
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return done.stdout.decode(errors="surrogateescape").strip()
-
-
-def _read_project(root: Path) -> str | None:
-    try:
-        return tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["name"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None

@@ -74,8 +74,6 @@ class Validation:
             succeeded in only 17 of 20 trials in the true arena.
         start: start of the fresh trials; "floor" as in the final test, because a champion that succeeds from close
             before the pit may fail from there.
-        success_threshold: expected success rate from which the length of a body is sufficient: a shorter body is
-            then preferred to a more reliable one. 0.93 is exceeded by 46 of 48 successes, not by 45.
     """
 
     candidates: int = 1
@@ -84,7 +82,6 @@ class Validation:
     continue_share: float = 0.9
     solved_share: float = 0.97
     start: str = "floor"
-    success_threshold: float = 0.93
 
     @property
     def trials(self) -> int:
@@ -99,7 +96,7 @@ class Validation:
         coerce_integers(self, {"candidates": (0, MAX_GENOTYPES)}, RunError)
         object.__setattr__(self, "rounds", as_integers("rounds", self.rounds, 1, MAX_TRIALS, RunError))
         check_count("rounds", self.rounds, MAX_ROUNDS, RunError)
-        shares = ("continue_share", "solved_share", "success_threshold")
+        shares = ("continue_share", "solved_share")
         coerce_floats(
             self, dict.fromkeys(shares, (0.0, 1.0)) | {"mean_share": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError
         )
@@ -208,15 +205,12 @@ def expect_success(successes: int, trials: int) -> float:
     return (successes + 1) / (trials + 2)
 
 
-def select_champion(
-    record: Record, is_in_stage: Sequence[bool], sufficient_rate: float | None = None
-) -> Entry | None:
+def select_champion(record: Record) -> Entry | None:
     """Return the entry of the champion, None before the first generation."""
-    counted = [entry for entry in record.entries if is_in_stage[entry.generation]]
-    candidates = find_candidates(counted)
+    candidates = find_candidates(record.entries)
     if candidates:
-        return max(candidates, key=lambda entry: _rank(entry, sufficient_rate))
-    samples = [entry for entry in counted if entry.kind == SAMPLE]
+        return max(candidates, key=_rank)
+    samples = [entry for entry in record.entries if entry.kind == SAMPLE]
     return max(samples, key=lambda entry: entry.fitness, default=None)
 
 
@@ -244,9 +238,5 @@ def _pool(first: Entry, second: Entry) -> Entry:
     return first._replace(outcome=outcome)
 
 
-def _rank(entry: Entry, sufficient_rate: float | None) -> tuple[float, ...]:
-    rate = expect_success(entry.outcome.successes, entry.outcome.trials)
-    if sufficient_rate is not None:
-        suffices = rate >= sufficient_rate
-        return (float(suffices), -entry.modules if suffices else 0.0, rate, entry.generation)
-    return (rate, entry.generation)
+def _rank(entry: Entry) -> tuple[float, int]:
+    return expect_success(entry.outcome.successes, entry.outcome.trials), entry.generation

@@ -16,7 +16,7 @@ from evolution._src.bodies.variation import BodyLimits, make_random_body
 from evolution._src.body_search.algorithms import make_algorithm
 from evolution._src.body_search.config import BodiesConfig, BodyEvolutionConfig
 from evolution._src.body_search.learner import Learner
-from evolution._src.body_search.learning import LearningConfig, Lesson
+from evolution._src.body_search.learning import LearningConfig, LevelResult
 from evolution._src.body_search.record import BodyRecord
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
@@ -37,7 +37,7 @@ RESTING_BODY = 3
 """Modules in a row, where the body is free and nothing is searched."""
 BODIES_DRAWN = 4
 """Random bodies that CMA-ES shares its budget between, where the body is free."""
-LEARNING = LearningConfig(population_size=6, rungs=(1, 2, 4), exam_trials=1, is_examined_early=False)
+LEARNING = LearningConfig(population_size=6, levels=(1, 2, 4), exam_trials=1, is_examined_early=False)
 """Of the bodies of the surrogate search; the first budget level is the zero genotype alone."""
 CHILDREN, PARENTS = 4, 6
 """Bodies of an iteration of the surrogate search, and parents."""
@@ -158,18 +158,18 @@ def run_surrogate(practice: Practice, rng: np.random.Generator) -> None:
     search, learner = make_algorithm(config), Learner(config, record, practice.backend)
     paid: set[tuple[str, int]] = set()
     while practice.has_time():
-        lessons: list[Lesson] = []
+        results: list[LevelResult] = []
         for assignment in search.ask():
             if not practice.has_time():
                 return
-            lessons += learner.learn([assignment])
-            for level in record.find_until(lessons[-1]):
-                if (level.pupil.key, level.rung) not in paid:
-                    paid.add((level.pupil.key, level.rung))
+            results += learner.learn([assignment])
+            for level in record.find_until(results[-1]):
+                if (level.body.canonical_text, level.level) not in paid:
+                    paid.add((level.body.canonical_text, level.level))
                     practice.seconds += level.seconds
-            last = lessons[-1]
-            practice.offer(last.pupil.body.to_organism(), np.array([last.genotype]), np.array([last.fitness]))
-        search.tell(lessons)
+            last = results[-1]
+            practice.offer(last.body.to_organism(), np.array([last.genotype]), np.array([last.fitness]))
+        search.tell(results)
 
 
 Baseline: TypeAlias = Callable[[Practice, np.random.Generator], None]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,6 @@ from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.errors import OptionError
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.warp.device.stretched_vector_env import StretchedVectorEnv
     from symbrion_gym._src.warp.device.vector_env import DeviceVectorEnv
 
 ENGINES = ("mujoco", "warp")
@@ -22,7 +20,7 @@ ARRAYS = ("numpy", "jax", "torch")
 
 def make_vector_env(
     num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", **options: Any
-) -> OrganismVectorEnv | DeviceVectorEnv | StretchedVectorEnv:
+) -> OrganismVectorEnv | DeviceVectorEnv:
     """Make a vector environment."""
     check_choice("backend", backend, ENGINES, OptionError)
     check_choice("array", array, ARRAYS, OptionError)
@@ -38,21 +36,9 @@ def make_vector_env(
         from symbrion_gym._src.warp.requirements import import_warp
 
         import_warp()
-        return _make_device_env(num_envs, array, **options)
+        from symbrion_gym._src.warp.device.vector_env import DeviceVectorEnv
+
+        return DeviceVectorEnv(num_envs, array, **options)
     from symbrion_gym._src.warp.warp_vector_env import WarpVectorEnv
 
     return WarpVectorEnv(num_envs, **options)
-
-
-def _make_device_env(
-    num_envs: int, array: str, stretches: Sequence[float] | None = None, **options: Any
-) -> DeviceVectorEnv | StretchedVectorEnv:
-    """Make an environment on a device: one, or one for each of several stretches side by side."""
-    from symbrion_gym._src.warp.device.stretched_vector_env import StretchedVectorEnv
-    from symbrion_gym._src.warp.device.vector_env import DeviceVectorEnv
-
-    if stretches is not None and len(stretches) > 1:
-        return StretchedVectorEnv(num_envs, array, stretches, **options)
-    if stretches:
-        options["stretch"] = stretches[0]
-    return DeviceVectorEnv(num_envs, array, **options)

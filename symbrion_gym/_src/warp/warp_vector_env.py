@@ -54,9 +54,8 @@ class WarpVectorEnv(OrganismVectorEnv):
             raise OptionError("backend 'warp' has no timers; leave out the option timers")
         if stretches is not None and len(stretches) > 1:
             raise LayoutError(
-                f"backend 'warp' with array='numpy' holds one arena, and there are stretches {tuple(stretches)}; "
-                "array='jax' or 'torch' holds all of them, side by side; or give each an environment of its own, with "
-                "the option stretch"
+                f"backend 'warp' holds one arena, and there are stretches {tuple(stretches)}; give each an environment "
+                "of its own, with the option stretch"
             )
         import_warp()
         self._device_options = {

@@ -38,12 +38,12 @@ def test_the_most_reliable_candidate_is_the_champion(run):
     confirmed = confirm(run, candidates=20, simulate=simulate)
     assert confirmed.champion.modules == RELIABLE
     assert (confirmed.champion.successes, confirmed.champion.trials) == (48, 48)
-    assert confirmed.lesson.pupil.body.num_modules == RELIABLE
+    assert confirmed.result.body.num_modules == RELIABLE
 
 
 def test_candidates_that_fail_get_no_further_round(run):
-    bodies = len(run.record.lessons)
-    reliable = sum(each.pupil.body.num_modules == RELIABLE for each in run.record.lessons)
+    bodies = len(run.record.results)
+    reliable = sum(each.body.num_modules == RELIABLE for each in run.record.results)
     confirmed = confirm(run, candidates=bodies, simulate=simulate)
     assert confirmed.seconds == 48 * reliable + 8 * (bodies - reliable)
 
@@ -76,19 +76,19 @@ def test_trials_begin_where_those_of_the_final_test_do(start, expected):
     assert seen == {expected}
 
 
-def test_each_body_is_a_candidate_once_with_its_fittest_lesson(run):
-    lessons = run.record.lessons
-    better = lessons[0]._replace(rung=1, fitness=99.0)
-    chosen = find_candidates([*lessons, better], 3)
+def test_each_body_is_a_candidate_once_with_its_fittest_result(run):
+    results = run.record.results
+    better = results[0]._replace(level=1, fitness=99.0)
+    chosen = find_candidates([*results, better], 3)
     assert chosen[0] is better
-    assert len({each.pupil.body.canonical_text for each in chosen}) == 3
+    assert len({each.body.canonical_text for each in chosen}) == 3
     assert np.all(np.diff([each.fitness for each in chosen]) <= 0)
 
 
 def test_without_exams_the_best_of_learning_counts(run):
-    untried = [lesson._replace(trials=0, successes=0) for lesson in run.record.lessons]
-    examined = run.record.lessons[0]._replace(fitness=-5.0)
-    assert find_candidates(untried, 1)[0].fitness == max(lesson.fitness for lesson in untried)
+    untried = [result._replace(trials=0, successes=0) for result in run.record.results]
+    examined = run.record.results[0]._replace(fitness=-5.0)
+    assert find_candidates(untried, 1)[0].fitness == max(result.fitness for result in untried)
     assert find_candidates([*untried, examined], 4) == [examined]
 
 

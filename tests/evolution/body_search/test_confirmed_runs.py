@@ -67,7 +67,7 @@ def test_the_folder_keeps_the_confirmed_champion(tmp_path):
     found = ev.load_bodies(tmp_path / "run")
     assert run.champion.modules == 3
     assert (found.champion.modules, found.champion.successes, found.champion.trials) == (RELIABLE, 48, 48)
-    assert found.confirmation.lesson.pupil.body.num_modules == RELIABLE
+    assert found.confirmation.result.body.num_modules == RELIABLE
     assert ev.load_champion(tmp_path / "run") == found.champion
     assert found.best == run.best
 
@@ -105,8 +105,8 @@ def test_a_longer_run_is_confirmed_anew(tmp_path):
     assert first.confirmation is not None
     run = ev.resume_bodies(tmp_path / "parts", iterations=4, simulate=Physics())
     assert (run.confirmation is None) == (
-        FreshTrials(COUNT).begin(run.record.lessons).tried
-        != FreshTrials(COUNT).begin(first.record.lessons).tried
+        FreshTrials(COUNT).begin(run.record.results).tried
+        != FreshTrials(COUNT).begin(first.record.results).tried
     )
     ev.confirm(run, COUNT, simulate=Physics())
     assert read_files(tmp_path / "parts") == read_files(tmp_path / "whole")

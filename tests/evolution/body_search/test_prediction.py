@@ -6,14 +6,14 @@ import pytest
 from evolution._src.bodies.genome import enumerate_bodies, parse_genome
 from evolution._src.body_search.algorithms import SurrogateSearch
 from evolution._src.body_search.config import BodiesConfig
-from evolution._src.body_search.learning import LearningConfig, Lesson, Pupil
+from evolution._src.body_search.learning import LearningConfig, LevelResult
 from evolution._src.body_search.prediction import MAX_LESSONS, Prediction, describe_shape
 
 BODIES = [body for count in range(1, 5) for body in enumerate_bodies(count)]
 
 
-def make_lesson(body, fitness, rung=1):
-    return Lesson(Pupil(body), rung, fitness, 0, 1, 0.0, (), (), (fitness,), 1.0)
+def make_result(body, fitness, level=1):
+    return LevelResult(body, level, fitness, 0, 1, 0.0, (), (), (fitness,), 1.0)
 
 
 def score(body):
@@ -36,43 +36,43 @@ def test_mirror_images_have_one_shape():
 
 def test_what_is_known_is_predicted_and_what_is_far_is_uncertain():
     known = BODIES[:10]
-    prediction = Prediction([make_lesson(body, score(body)) for body in known], 1)
+    prediction = Prediction([make_result(body, score(body)) for body in known], 1)
     mean, spread = prediction.predict([*known, parse_genome("b(b(b(.)))")])
     assert mean[:10] == pytest.approx([score(body) for body in known], abs=0.3)
     assert spread[-1] > spread[:10].max()
 
 
-def test_first_rungs_tell_of_the_last():
-    """All first rungs are known, and the last of half of the bodies: the order of the others follows."""
+def test_first_levels_tell_of_the_last():
+    """All first levels are known, and the last of half of the bodies: the order of the others follows."""
     rng = np.random.default_rng(0)
     luck = {body.text: rng.normal() for body in BODIES}
-    lessons = [make_lesson(body, 0.1 * luck[body.text] - 3.0, 0) for body in BODIES]
-    lessons += [make_lesson(body, luck[body.text]) for body in BODIES[::2]]
-    mean, _ = Prediction(lessons, 1).predict(BODIES[1::2])
+    results = [make_result(body, 0.1 * luck[body.text] - 3.0, 0) for body in BODIES]
+    results += [make_result(body, luck[body.text]) for body in BODIES[::2]]
+    mean, _ = Prediction(results, 1).predict(BODIES[1::2])
     assert np.corrcoef(mean, [luck[body.text] for body in BODIES[1::2]])[0, 1] > 0.9
 
 
-def test_equal_fitness_and_one_lesson_are_no_error():
-    for lessons in ([make_lesson(BODIES[0], 1.0)], [make_lesson(body, 2.0) for body in BODIES]):
-        mean, spread = Prediction(lessons, 1).predict(BODIES[:3])
-        assert mean == pytest.approx(lessons[0].fitness)
+def test_equal_fitness_and_one_result_are_no_error():
+    for results in ([make_result(BODIES[0], 1.0)], [make_result(body, 2.0) for body in BODIES]):
+        mean, spread = Prediction(results, 1).predict(BODIES[:3])
+        assert mean == pytest.approx(results[0].fitness)
         assert (spread >= 0.0).all()
 
 
-def test_only_the_last_lessons_count():
-    lessons = [make_lesson(BODIES[place % 39], float(place)) for place in range(MAX_LESSONS + 20)]
-    whole, last = Prediction(lessons, 1), Prediction(lessons[20:], 1)
+def test_only_the_last_results_count():
+    results = [make_result(BODIES[place % 39], float(place)) for place in range(MAX_LESSONS + 20)]
+    whole, last = Prediction(results, 1), Prediction(results[20:], 1)
     np.testing.assert_equal(whole.predict(BODIES), last.predict(BODIES))
 
 
 def search(seed, iterations=10):
     config = BodiesConfig(algorithm="surrogate", largest=5, children=4, population_size=6)
-    found = SurrogateSearch(config, LearningConfig(rungs=(1, 2)), np.random.default_rng(seed))
+    found = SurrogateSearch(config, LearningConfig(levels=(1, 2)), np.random.default_rng(seed))
     taught = []
     for _ in range(iterations):
         assignments = found.ask()
         taught += assignments
-        found.tell([make_lesson(a.pupil.body, score(a.pupil.body), a.rung) for a in assignments])
+        found.tell([make_result(a.body, score(a.body), a.level) for a in assignments])
     return taught
 
 
@@ -83,29 +83,29 @@ def test_the_search_is_repeatable():
 
 def test_the_search_finds_the_longest_row():
     """In most of six searches: 16 of 173 bodies learn to the end, of which chance has the longest row in one of 11."""
-    taught = [{each.pupil.body.text for each in search(seed) if each.rung == 1} for seed in range(6)]
+    taught = [{each.body.text for each in search(seed) if each.level == 1} for seed in range(6)]
     assert sum("b(b(b(b(.))))" in bodies for bodies in taught) >= 4
 
 
-def test_no_body_learns_a_rung_twice():
-    taught = [(each.pupil.key, each.rung) for each in search(3)]
+def test_no_body_learns_a_level_twice():
+    taught = [(each.body.canonical_text, each.level) for each in search(3)]
     assert len(set(taught)) == len(taught)
-    assert {rung for _, rung in taught} == {0, 1}
+    assert {level for _, level in taught} == {0, 1}
 
 
 def test_a_space_that_is_searched_out_goes_on_with_what_is_known():
     config = BodiesConfig(algorithm="surrogate", largest=2, children=3, population_size=4)
-    found = SurrogateSearch(config, LearningConfig(rungs=(1, 2)), np.random.default_rng(0))
+    found = SurrogateSearch(config, LearningConfig(levels=(1, 2)), np.random.default_rng(0))
     for _ in range(8):
         assignments = found.ask()
         assert assignments
-        found.tell([make_lesson(a.pupil.body, score(a.pupil.body), a.rung) for a in assignments])
+        found.tell([make_result(a.body, score(a.body), a.level) for a in assignments])
 
 
-def test_first_rungs_that_tell_nothing_are_not_followed():
+def test_first_levels_that_tell_nothing_are_not_followed():
     rng = np.random.default_rng(1)
     noise = {body.text: rng.normal() for body in BODIES}
-    lessons = [make_lesson(body, noise[body.text], 0) for body in BODIES]
-    lessons += [make_lesson(body, rng.normal()) for body in BODIES[::2]]
-    mean, _ = Prediction(lessons, 1).predict(BODIES[1::2])
+    results = [make_result(body, noise[body.text], 0) for body in BODIES]
+    results += [make_result(body, rng.normal()) for body in BODIES[::2]]
+    mean, _ = Prediction(results, 1).predict(BODIES[1::2])
     assert np.ptp(mean) < 0.5 * np.ptp([noise[body.text] for body in BODIES[1::2]])

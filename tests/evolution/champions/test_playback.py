@@ -47,7 +47,7 @@ def test_a_judgement_repeats_no_conditions_of_a_run_with_the_same_seed(
     champion: Champion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     in_run, in_judgement = toys.Observed(), toys.Observed()
-    config = EvolutionConfig(seed=4, trials=3, generations=5, handle_noise=True, stop_when_solved=False)
+    config = EvolutionConfig(seed=4, trials=3, generations=5, stop_when_solved=False)
     evolve(config, simulate=in_run)
     monkeypatch.setattr(
         "evolution._src.champions.playback.make_backend",

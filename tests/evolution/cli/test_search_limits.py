@@ -111,8 +111,8 @@ def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
     )
     found = ev.load_bodies(tmp_path / "run")
     assert found.config.max_seconds is None
-    assert {lesson.pupil.body.num_modules for lesson in found.record.lessons} == {3}
-    assert len(found.record.lessons) <= 2
+    assert {result.body.num_modules for result in found.record.results} == {3}
+    assert len(found.record.results) <= 2
 
 
 def test_the_page_goes_into_a_folder_that_is_made(tmp_path):

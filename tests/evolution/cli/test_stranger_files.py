@@ -11,7 +11,6 @@ from evil_json import DEEP, find_trouble, mutate
 
 from evolution._src.backends.trials import Randomization, Scoring
 from evolution._src.errors import RunError
-from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run, resume
 from evolution._src.search.run import RunFolder, load_champion
@@ -21,8 +20,6 @@ CONFIG = EvolutionConfig(
     arena="truth",
     generations=1,
     stop_when_solved=False,
-    stages=(Stage("simple", 5), Stage("truth")),
-    body_lengths=(4, 9),
     restart_after=7,
     environment={"pit": 0.35, "sensors": ["pitch", "contact", "hinge_angle"]},  # pyright: ignore[reportArgumentType]
 )
@@ -112,11 +109,7 @@ def test_a_run_configured_with_integers_is_resumed(tmp_path):
         {"trials": 10**6},
         {"workers": 10**6},
         {"sigma": float("inf")},
-        {"stage_sigma": -1.0},
         {"controller": "magic"},
-        {"body_lengths": (4, 51)},
-        {"body_lengths": (4.5, 8)},
-        {"body_lengths": (4, 6, 8)},
         {"environment": {"wings": 2}},
         {"environment": {"pit": float("nan")}},
         {"environment": {"randomize": {"friction": 1}}},
@@ -141,8 +134,6 @@ def test_configs_refuse_what_no_machine_holds(arguments):
         (Validation, {"rounds": (10**6,)}),
         (Validation, {"mean_share": float("inf")}),
         (Validation, {"start": "sky"}),
-        (Stage, {"arena": "a", "patience": 1.5}),
-        (Stage, {"arena": "a", "trials": 10**9}),
     ],
 )
 def test_parts_of_a_config_refuse(kind, arguments):

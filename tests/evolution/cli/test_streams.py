@@ -44,12 +44,6 @@ def shell(line: str, place: Path, **environment: str) -> subprocess.CompletedPro
     )
 
 
-def test_help_in_a_pipe_that_closes_ends_quietly(tmp_path):
-    for reader in ("head -1", "true"):
-        done = shell(f"{SYMBRION} --help | {reader}", tmp_path)
-        assert (done.returncode, done.stderr) == (0, "")
-
-
 def test_a_run_continues_when_nobody_reads(folder):
     line = f"exec 2> >(true); sleep 0.1; {SYMBRION} resume ./* --generations 2 --workers 1 | true"
     done = shell(line, folder.parent)

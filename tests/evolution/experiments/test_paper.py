@@ -12,8 +12,6 @@ import symbrion_gym as sg
 from evolution._src.cli.main import run
 from evolution._src.experiments import paper
 from evolution._src.experiments.paper import (
-    FULL,
-    STEPS,
     BruteForceCaster,
     EmbreeCaster,
     TreeCaster,
@@ -69,12 +67,6 @@ def test_the_command_refuses_another_seed_in_one_line(
     (tmp_path / "config.json").write_text("{")
     with pytest.raises(ev.RunError, match=r"config\.json.*name another folder"):
         claim_folder(tmp_path, OPTIONS)
-
-
-def test_the_full_run_is_the_papers() -> None:
-    assert (FULL.runs, STEPS) == (100, 3500)
-    assert 2200 in FULL.gsrm_units
-    assert 13860 in FULL.gg_triangles
 
 
 def test_ratio_of_known_costs() -> None:

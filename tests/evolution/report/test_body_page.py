@@ -20,7 +20,7 @@ def test_each_of_the_fittest_has_a_card_with_its_plan(tmp_path):
     html = (tmp_path / "bodies.html").read_text()
     fittest = run.list_fittest()
     assert html.count("<details") == len(fittest)
-    assert all(lesson.pupil.body.to_plan() in html for lesson in fittest)
+    assert all(result.body.to_plan() in html for result in fittest)
     assert "<video" not in html
 
 
@@ -29,12 +29,12 @@ def test_a_run_without_bodies_has_no_page():
         make_body_page(BodyRun(made_bodies.make_config(), BodyRecord(), ()))
 
 
-def test_bodies_of_an_unfinished_rung_are_shown(tmp_path):
-    learning = ev.LearningConfig(population_size=4, rungs=(1, 2), exam_trials=1)
+def test_bodies_of_an_unfinished_level_are_shown(tmp_path):
+    learning = ev.LearningConfig(population_size=4, levels=(1, 2), exam_trials=1)
     bodies = ev.BodiesConfig(largest=3, children=3)
     run = ev.evolve(made_bodies.make_config(learning=learning, bodies=bodies), simulate=made_bodies.simulate)
     fittest = run.list_fittest()
-    assert {lesson.rung for lesson in fittest} == {0}
+    assert {result.level for result in fittest} == {0}
     make_body_page(run).write(tmp_path / "bodies.html")
     html = (tmp_path / "bodies.html").read_text()
     assert html.count("<details") == len(fittest)
@@ -58,15 +58,15 @@ def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
     make_body_page(run, num_films=2).write(tmp_path / "bodies.html")
     html = (tmp_path / "bodies.html").read_text()
     first, *others = html.split("<details")[1:]
-    assert run.confirmation.lesson.pupil.body.num_modules == 2
+    assert run.confirmation.result.body.num_modules == 2
     assert "class=marked" in first
     assert ">champion<" in first
     assert "48 of 48 fresh trials" in first
-    assert f"fitness {run.confirmation.lesson.fitness:.2f} m" in first
+    assert f"fitness {run.confirmation.result.fitness:.2f} m" in first
     assert not any("champion<" in card for card in others)
     assert [">&#9654; film<" in card for card in (first, *others)][:3] == [True, True, False]
     assert "succeeded in 48 of 48 fresh trials" in html
     assert "Fitness, in meters" in html
-    champion = (run.confirmation.lesson.pupil.key, run.confirmation.lesson.rung)
-    fittest = {(lesson.pupil.key, lesson.rung) for lesson in run.list_fittest()}
+    champion = (run.confirmation.result.body.canonical_text, run.confirmation.result.level)
+    fittest = {(result.body.canonical_text, result.level) for result in run.list_fittest()}
     assert len(others) + 1 == len(fittest | {champion})

@@ -32,13 +32,3 @@ def test_a_short_route_in_a_large_scene_is_framed_closely():
     for end in (route.start, route.goal):
         assert (low[:2] <= end[:2]).all()
         assert (high[:2] >= end[:2]).all()
-
-
-def test_a_straight_way_is_in_the_frame():
-    terrain = make_terrain(0, size=40.0, spacing=0.5, roughness=0.3)
-    route = terrain.find_route(start=(20.0, 20.0), goal=(22.0, 20.0))
-    frame = find_frame(terrain, route, ((21.0, 20.0), (21.0, 27.0)))
-    assert frame[:, 1].max() > 27.0 > find_frame(terrain, route)[:, 1].max()
-    alone = find_frame(terrain, way=((21.0, 20.0), (21.0, 27.0)))
-    assert alone[:, 1].max() > 27.0
-    assert np.ptp(alone, axis=0).max() < 25.0

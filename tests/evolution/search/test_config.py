@@ -5,22 +5,18 @@ from dataclasses import replace
 
 import pytest
 import toys
-from histories import TOY
 
 from evolution._src.backends.trials import RolloutConfig
 from evolution._src.controllers.controller import ControllerConfig
 from evolution._src.errors import RunError
-from evolution._src.search.cmaes import CmaesConfig, Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve
-from evolution._src.search.validation import Champion, Validation
+from evolution._src.search.validation import Champion
 
 
 def test_configs_survive_json():
     config = EvolutionConfig(
         arena="simple",
-        stages=(Stage("simple", 5), Stage("truth")),
-        body_lengths=(4, 9),
         environment={"pit": 0.35, "bottomless": True},  # pyright: ignore[reportArgumentType]
     )
     again = EvolutionConfig.from_json(json.loads(json.dumps(config.to_json())))
@@ -39,7 +35,6 @@ def test_configs_survive_json():
         {"sigma": 0.0},
         {"backend": "cloud"},
         {"start": "sky"},
-        {"body_lengths": (8, 4)},
         {"restart_after": 0},
         {"arena": object()},
         {"seed": -1},
@@ -49,15 +44,6 @@ def test_configs_survive_json():
 def test_configs_refuse(arguments):
     with pytest.raises(RunError):
         EvolutionConfig(**arguments)
-
-
-def test_fields_that_were_added_are_in_the_digest_once_they_are_used():
-    digests = {
-        TOY.digest(),
-        replace(TOY, cmaes=CmaesConfig(max_doublings=1)).digest(),
-        replace(TOY, validation=Validation(success_threshold=0.9)).digest(),
-    }
-    assert len(digests) == 3
 
 
 def test_parameters_of_controllers_and_rollouts_belong_to_a_run():

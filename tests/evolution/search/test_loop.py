@@ -8,13 +8,11 @@ import pytest
 import toys
 from histories import TOY, read_without_times, without_times
 
-from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.trials import Randomization, Scoring
 from evolution._src.controllers.controller import NUM_KNOTS
-from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run
-from evolution._src.search.record import REEVALUATION, SAMPLE, VALIDATION
+from evolution._src.search.record import SAMPLE, VALIDATION
 from evolution._src.search.validation import Validation, find_candidates
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
@@ -46,7 +44,6 @@ def test_every_job_follows_the_configuration():
         assert trials.count == entry.outcome.trials
         assert trials.count in ((6, 5) if entry.kind == VALIDATION else (4,))
         assert entry.fitness == SPECIAL.scoring.score(entry.outcome, 5)
-        assert entry.modules == 5
 
 
 def test_the_champion_follows_the_configuration():
@@ -63,7 +60,6 @@ def test_the_champion_follows_the_configuration():
     selected = [entry for entry in pooled if tuple(entry.genotype) == champion.genotype]
     assert len(selected) == 1
     assert champion.fitness == selected[0].fitness
-    assert run.stage_champions == (champion,)
 
 
 def test_a_champion_may_have_no_validation_trials():
@@ -79,7 +75,7 @@ def test_a_champion_may_have_no_validation_trials():
 
 @pytest.mark.parametrize("simulate", [toys.bowl, toys.fragile])
 def test_history_follows_from_the_entries(simulate):
-    config = replace(SHORT, generations=12, sigma=0.3, handle_noise=True)
+    config = replace(SHORT, generations=12, sigma=0.3)
     began = time.perf_counter()
     run = evolve(config, simulate=simulate)
     evaluations = trials = 0
@@ -94,7 +90,6 @@ def test_history_follows_from_the_entries(simulate):
             "generation": generation,
             "evaluations": evaluations,
             "trials": trials,
-            "stage": 0,
             "population_size": len(samples),
             "best": max(entry.fitness for entry in samples),
             "median": np.median([entry.fitness for entry in samples]),
@@ -103,8 +98,6 @@ def test_history_follows_from_the_entries(simulate):
             "failures": sum(entry.outcome.error != "" for entry in samples),
         }
         assert {name: row[name] for name in expected} == expected
-        again = [entry for entry in entries if entry.kind == REEVALUATION]
-        assert all(np.array_equal(entry.genotype, samples[entry.index].genotype) for entry in again)
     assert run.champion is not None
     last = run.history[-1]
     assert (last["champion_successes"], last["champion_trials"]) == (
@@ -152,49 +145,6 @@ def test_a_solvable_run_is_solved_and_stops():
     assert run.champion is not None
     assert run.champion.trials == Validation().trials
     assert np.abs(np.array(run.champion.genotype) - 0.5).max() < 0.5
-
-
-def test_only_the_last_stage_is_validated_and_can_be_solved():
-    stages = (Stage("simple", 2, promotion="budget", trials=1), Stage("truth"))
-    config = replace(SHORT, generations=6, stages=stages, stop_when_solved=True)
-    observed = toys.Observed()
-    run = evolve(config, simulate=observed)
-    assert run.history["stage"].tolist() == [0, 0, 1]
-    assert [champion.arena for champion in run.stage_champions] == ["simple", "truth"]
-    assert [champion.trials for champion in run.stage_champions] == [0, Validation().trials]
-    assert run.is_solved
-    for entry, job in zip(run.record.entries, observed.jobs, strict=True):
-        assert job.trials.arena == ("simple" if entry.generation < 2 else "truth")
-        assert entry.kind == SAMPLE or entry.generation == 2
-    assert run.history["validated"].tolist() == [0, 0, 2]
-
-
-def test_a_run_with_body_lengths_is_solved_by_the_shortest_body():
-    config = replace(SHORT, body_lengths=(4, 5), generations=20, stop_when_solved=True)
-    run = evolve(config, simulate=toys.Observed())
-    assert run.is_solved
-    assert run.champion is not None
-    assert run.champion.modules == 4
-    assert len(run.champion.genotype) == len(run.champion.names) == 12
-    assert len(run.history) < 20
-
-
-def test_a_sufficient_shorter_body_is_preferred_to_a_more_reliable_longer_one():
-    def simulate(jobs, threads):
-        outcomes = toys.Observed()(jobs, threads)
-        return [
-            replace(outcome, succeeded=(False, *outcome.succeeded[1:]))
-            if job.trials.modules < 6 and outcome.trials == 16
-            else outcome
-            for job, outcome in zip(jobs, outcomes, strict=True)
-        ]
-
-    run = evolve(replace(SHORT, body_lengths=(4, 9), generations=12), simulate=simulate)
-    tried = find_candidates(run.record.entries)
-    assert any(entry.modules >= 6 and all(entry.outcome.succeeded) for entry in tried)
-    assert run.champion is not None
-    assert run.champion.modules == min(entry.modules for entry in tried) < 6
-    assert (run.champion.successes, run.champion.trials) == (46, 48)
 
 
 @pytest.mark.parametrize("fails", [False, True])
@@ -249,22 +199,6 @@ def test_callbacks_are_called_for_every_generation():
     )
     assert called == [0, 1, 2, 3]
     assert fractions[-1] == 1.0
-
-
-def test_noise_increases_the_number_of_trials():
-    """Two of the same conditions never agree: the ranks of what is tried again are mere chance."""
-    rng = np.random.default_rng(0)
-
-    def chance(jobs, threads):
-        return [Outcome(float(rng.normal()), 0.0, (False,) * job.trials.count) for job in jobs]
-
-    run = evolve(replace(SHORT, generations=12, handle_noise=True), simulate=chance)
-    counts = [entry.outcome.trials for entry in run.record.entries]
-    assert counts[0] == 3
-    assert min(counts) == 3
-    assert max(counts) > 3
-    for entries, _ in run.record.generations():
-        assert len({entry.outcome.trials for entry in entries}) == 1
 
 
 def test_a_genotype_that_raises_affects_no_other(tmp_path):

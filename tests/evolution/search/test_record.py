@@ -8,7 +8,7 @@ import pytest
 
 from evolution._src.backends.outcome import Outcome
 from evolution._src.errors import RunError
-from evolution._src.search.record import FORMAT, HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
+from evolution._src.search.record import FORMAT, HISTORY, SAMPLE, VALIDATION, Entry, Record
 
 
 def make_row(generation: int) -> dict[str, float]:
@@ -24,12 +24,12 @@ def make_record() -> Record:
     third = Outcome(0.75, 0.25, (True,), 3.0, 1, "")
     record.add_generation(
         [
-            Entry(0, SAMPLE, 0, 8, np.array([0.1, -0.2]), 1.5, first),
-            Entry(0, REEVALUATION, 1, 7, np.array([0.3, 0.4]), -2.5, second),
+            Entry(0, SAMPLE, 0, np.array([0.1, -0.2]), 1.5, first),
+            Entry(0, SAMPLE, 1, np.array([0.3, 0.4]), -2.5, second),
         ],
         make_row(0),
     )
-    record.add_generation([Entry(1, VALIDATION, 12, 6, np.array([1 / 3, np.pi]), 0.125, third)], make_row(1))
+    record.add_generation([Entry(1, VALIDATION, 12, np.array([1 / 3, np.pi]), 0.125, third)], make_row(1))
     return record
 
 
@@ -56,7 +56,7 @@ def test_a_record_from_before_the_first_generation_is_empty():
 def test_columns_are_plain_numbers_and_text_of_one_width_everywhere():
     columns = make_record().columns()
     kinds = {name: column.dtype.str for name, column in columns.items() if column.dtype.kind != "U"}
-    whole, real = ("generation", "kind", "index", "modules", "diverged"), ("genotype", "fitness", "progress")
+    whole, real = ("generation", "kind", "index", "diverged"), ("genotype", "fitness", "progress")
     assert kinds == dict.fromkeys(whole, "<i4") | dict.fromkeys((*real, "effort", "seconds"), "<f8")
     assert columns["succeeded"].tolist() == ["101", "00", "1"]
     assert columns["error"].tolist() == ["", "FloatingPointError: fell apart", ""]

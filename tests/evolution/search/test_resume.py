@@ -14,10 +14,9 @@ import toys
 from histories import TOY, read_without_times, without_times
 
 from evolution._src.errors import RunError
-from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run, resume
-from evolution._src.search.record import HISTORY, REEVALUATION, TIMES, VALIDATION, Record
+from evolution._src.search.record import HISTORY, TIMES, VALIDATION, Record
 from evolution._src.search.run import Run
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
@@ -25,24 +24,15 @@ SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 
 VARIANTS = {
     "plain": {},
-    "noise": {"handle_noise": True},
-    "stages": {
-        "stages": (
-            Stage("simple", 5, trials=1),
-            Stage("truth", promotion="stagnation", patience=3),
-            Stage("gsrm"),
-        )
-    },
-    "body": {"body_lengths": (4, 9)},
     "restarts": {"population_size": 4, "generations": 12},
-    "restart_after": {"body_lengths": (4, 9), "restart_after": 3},
+    "restart_after": {"restart_after": 3},
 }
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_a_resumed_run_equals_an_uninterrupted_one(variant, tmp_path):
     config = replace(TOY, **VARIANTS[variant])
-    toy = {"restarts": toys.plain, "restart_after": toys.shortest}.get(variant, toys.bowl)
+    toy = toys.plain if variant == "restarts" else toys.bowl
     whole = evolve(replace(config, folder=str(tmp_path / "whole")), simulate=toy)
     part = config.generations // 3
     evolve(replace(config, generations=part, folder=str(tmp_path / "parts")), simulate=toy)
@@ -50,26 +40,17 @@ def test_a_resumed_run_equals_an_uninterrupted_one(variant, tmp_path):
     parts = resume(tmp_path / "parts", generations=config.generations, simulate=toy)
     assert without_times(whole.history) == without_times(parts.history)
     assert whole.champion == parts.champion
-    assert whole.stage_champions == parts.stage_champions
     assert read_without_times(tmp_path / "whole") == read_without_times(tmp_path / "parts")
     assert load_run(tmp_path / "parts").champion == whole.champion
 
 
-def test_variants_use_their_options():
-    noise = evolve(replace(TOY, **VARIANTS["noise"]), simulate=toys.bowl)
-    assert (noise.record.columns()["kind"] == REEVALUATION).any()
-    staged = evolve(replace(TOY, **VARIANTS["stages"]), simulate=toys.bowl)
-    assert sorted(set(staged.history["stage"])) == [0, 1, 2]
-    trials = {int(staged.history["stage"][e.generation]): e.outcome.trials for e in staged.record.entries}
-    assert (trials[0], trials[1]) == (1, TOY.trials)
-    assert [champion.arena for champion in staged.stage_champions] == ["simple", "truth", "gsrm"]
-    assert staged.champion == staged.stage_champions[-1]
+def test_a_search_restarts_on_a_plain():
     restarted = evolve(replace(TOY, **VARIANTS["restarts"]), simulate=toys.plain)
     assert set(restarted.history["restarts"]) >= {0, 1}
 
 
-def make_noisy_run(folder: Path) -> Run:
-    return evolve(replace(SHORT, handle_noise=True, folder=str(folder)), simulate=toys.bowl)
+def make_run(folder: Path) -> Run:
+    return evolve(replace(SHORT, folder=str(folder)), simulate=toys.bowl)
 
 
 def write_record(folder: Path, run: Run, entries: list) -> None:
@@ -81,7 +62,7 @@ def write_record(folder: Path, run: Run, entries: list) -> None:
 
 
 def test_replayed_entries_must_equal_the_recorded_ones(tmp_path):
-    run = make_noisy_run(tmp_path)
+    run = make_run(tmp_path)
     entries = run.record.entries
     write_record(tmp_path, run, entries)
     assert load_run(tmp_path).champion == run.champion
@@ -144,14 +125,14 @@ def test_a_changed_history_is_noticed_in_replay(tmp_path):
     ],
 )
 def test_runtime_fields_may_change(tmp_path, changes):
-    make_noisy_run(tmp_path)
+    make_run(tmp_path)
     run = resume(tmp_path, simulate=toys.bowl, **changes)
     assert {name: getattr(run.config, name) for name in changes} == changes
     assert load_run(tmp_path).config == run.config
 
 
 def test_fields_that_decide_results_may_not_change(tmp_path):
-    run = make_noisy_run(tmp_path)
+    run = make_run(tmp_path)
     with pytest.raises(
         RunError, match=r"^\['seed', 'sigma'\] cannot change in a run; .*'generations'.* can$"
     ):
@@ -160,7 +141,7 @@ def test_fields_that_decide_results_may_not_change(tmp_path):
 
 
 def test_a_moved_folder_is_resumed_where_it_is(tmp_path):
-    before = make_noisy_run(tmp_path / "old")
+    before = make_run(tmp_path / "old")
     (tmp_path / "old").rename(tmp_path / "new")
     run = resume(tmp_path / "new", generations=4, simulate=toys.bowl)
     assert run.folder == tmp_path / "new"
@@ -170,7 +151,7 @@ def test_a_moved_folder_is_resumed_where_it_is(tmp_path):
 
 
 def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(tmp_path):
-    before = make_noisy_run(tmp_path)
+    before = make_run(tmp_path)
     called: list[tuple[int, Path | None]] = []
     reported: list[tuple[str, float]] = []
     run = resume(
@@ -190,8 +171,8 @@ def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(tmp_path
 
 
 def test_evolve_names_the_differences_to_an_existing_run(tmp_path):
-    make_noisy_run(tmp_path)
-    config = replace(SHORT, handle_noise=True, folder=str(tmp_path))
+    make_run(tmp_path)
+    config = replace(SHORT, folder=str(tmp_path))
     with pytest.raises(RunError, match="contains this run already; resume it, or name another folder"):
         evolve(config)
     with pytest.raises(

@@ -1,7 +1,6 @@
-"""Stages and champions: rules known by hand."""
+"""Champions: rules known by hand."""
 
 from collections import defaultdict
-from typing import Any
 
 import numpy as np
 import pytest
@@ -9,18 +8,15 @@ import toys
 
 from evolution._src.backends.outcome import Outcome
 from evolution._src.errors import RunError
-from evolution._src.search.cmaes import Stage
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve
-from evolution._src.search.record import HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
+from evolution._src.search.record import HISTORY, SAMPLE, VALIDATION, Entry, Record
 from evolution._src.search.validation import Champion, Validation, find_candidates, select_champion
 
 
-def make_entry(
-    index: int, kind: int, successes: str, generation: int = 0, fitness: float = 0.0, modules: int = 8
-) -> Entry:
+def make_entry(index: int, kind: int, successes: str, generation: int = 0, fitness: float = 0.0) -> Entry:
     outcome = Outcome(0.0, 0.0, tuple(flag == "1" for flag in successes))
-    return Entry(generation, kind, index, modules, np.full(2, float(index)), fitness, outcome)
+    return Entry(generation, kind, index, np.full(2, float(index)), fitness, outcome)
 
 
 def make_record(*entries: Entry) -> Record:
@@ -41,7 +37,7 @@ def test_the_champion_is_the_one_with_the_best_fresh_trials_not_the_luckiest_sam
         make_entry(1, VALIDATION, "1111111111"),
         make_entry(1, VALIDATION, "1111111110"),
     )
-    selected = select_champion(record, [True])
+    selected = select_champion(record)
     assert selected is not None
     assert selected.index == 1
     assert (selected.outcome.successes, selected.outcome.trials) == (19, 20)
@@ -49,20 +45,9 @@ def test_the_champion_is_the_one_with_the_best_fresh_trials_not_the_luckiest_sam
 
 def test_without_fresh_trials_the_fittest_sample_stands_in():
     record = make_record(make_entry(0, SAMPLE, "01", fitness=1.0), make_entry(1, SAMPLE, "00", fitness=3.0))
-    selected = select_champion(record, [True])
+    selected = select_champion(record)
     assert selected is not None
     assert (selected.index, selected.kind) == (1, SAMPLE)
-    assert select_champion(record, [False]) is None
-
-
-def test_the_shortest_sufficient_body_is_preferred():
-    entries = [
-        make_entry(0, VALIDATION, "1" * 30, modules=8),
-        make_entry(1, VALIDATION, "1" * 29 + "0", modules=6),
-        make_entry(2, VALIDATION, "1" * 8 + "0" * 8, modules=5),
-    ]
-    record = make_record(*entries)
-    assert [getattr(select_champion(record, [True], rate), "index", None) for rate in (None, 0.93)] == [0, 1]
 
 
 def test_candidates_are_those_that_succeeded_in_all_trials():
@@ -97,37 +82,6 @@ def test_validation_refuses():
             Validation(**arguments)
 
 
-def make_history(best: list[float], successes: int = 0) -> np.ndarray:
-    history = np.zeros(len(best), dtype=HISTORY)
-    history["best"], history["successes"], history["population_size"] = best, successes, 12
-    return history
-
-
-def test_stages_end_by_success_stagnation_or_budget():
-    assert not Stage("a").is_done(make_history([]))
-    assert Stage("a", promotion="success").is_done(make_history([1.0], successes=3))
-    assert not Stage("a", promotion="success").is_done(make_history([1.0], successes=2))
-    rising, flat = [float(step) for step in range(12)], [5.0] + [4.0] * 10
-    assert not Stage("a", promotion="stagnation").is_done(make_history(rising))
-    assert Stage("a", promotion="stagnation").is_done(make_history(flat))
-    assert not Stage("a", promotion="success").is_done(make_history(flat))
-    assert Stage("a", 3, promotion="budget").is_done(make_history([1.0, 2.0, 3.0]))
-    assert not Stage("a", 3, promotion="budget").is_done(make_history([1.0, 2.0], successes=12))
-
-
-def test_stages_refuse():
-    wrong: tuple[dict[str, Any], ...] = (
-        {"promotion": "luck"},
-        {"generations": 0},
-        {"patience": 0},
-        {"promotion": "budget"},
-        {"trials": 0},
-    )
-    for arguments in wrong:
-        with pytest.raises(RunError):
-            Stage("a", **arguments)
-
-
 def test_records_survive_bytes():
     record = make_record(make_entry(0, SAMPLE, "10"), make_entry(1, SAMPLE, "11", generation=1))
     again, digest = Record.from_bytes(record.to_bytes("abc"), "a file")
@@ -151,7 +105,7 @@ def test_no_candidate_and_no_round_has_conditions_that_were_used_before():
     """Genotypes of a generation share theirs, so do re-evaluations; all others differ."""
     observed = toys.Observed()
     validation = Validation(candidates=2, rounds=(3, 3))
-    config = EvolutionConfig(generations=3, handle_noise=True, stop_when_solved=False, validation=validation)
+    config = EvolutionConfig(generations=3, stop_when_solved=False, validation=validation)
     run = evolve(config, simulate=observed)
     groups, rounds = defaultdict(set), defaultdict(int)
     for entry, job in zip(run.record.entries, observed.jobs, strict=True):
@@ -161,7 +115,7 @@ def test_no_candidate_and_no_round_has_conditions_that_were_used_before():
             group = (*candidate, rounds[candidate])
             rounds[candidate] += 1
         groups[group].add(toys.find_conditions(job))
-    assert {group[1] for group in groups} == {SAMPLE, REEVALUATION, VALIDATION}
+    assert {group[1] for group in groups} == {SAMPLE, VALIDATION}
     assert len(rounds) == 9  # two genotypes and the mean, in each of three generations
     assert all(len(conditions) == 1 for conditions in groups.values())
     values = [value for conditions in groups.values() for each in conditions for value in each]
@@ -260,39 +214,16 @@ def test_fresh_trials_of_all_rounds_are_pooled():
 
 def test_many_trials_count_for_more_than_a_few_lucky_ones():
     few, many = make_entry(0, VALIDATION, "1" * 8), make_entry(1, VALIDATION, "1" * 47 + "0")
-    assert getattr(select_champion(make_record(few, many), [True]), "index", None) == 1
+    assert getattr(select_champion(make_record(few, many)), "index", None) == 1
 
 
-def test_of_equal_champions_the_later_one_is_selected_and_only_generations_of_the_stage_count():
+def test_of_equal_champions_the_later_one_is_selected():
     entries = [make_entry(g, VALIDATION, "1" * 8, generation=g) for g in range(3)]
     entries += [make_entry(9, SAMPLE, "1", generation=g, fitness=float(g)) for g in range(3)]
     record = make_record(*entries)
-    for is_in_stage, selected in (([True] * 3, 2), ([True, True, False], 1), ([True, False, False], 0)):
-        found = select_champion(record, is_in_stage)
-        assert found is not None
-        assert (found.generation, found.kind) == (selected, VALIDATION)
-    assert select_champion(record, [False] * 3) is None
-
-
-def test_a_shorter_body_must_be_reliable_to_be_preferred():
-    """The threshold is an expected success rate of 0.93: 26 of 26 exceed it, 25 of 26 do not."""
-    long, short = (
-        make_entry(0, VALIDATION, "1" * 48, modules=8),
-        make_entry(1, VALIDATION, "1" * 26, modules=6),
-    )
-    almost = make_entry(2, VALIDATION, "1" * 25 + "0", modules=5)
-    worse = make_entry(3, VALIDATION, "1" * 20 + "0" * 6, modules=4)
-    surer = make_entry(4, VALIDATION, "1" * 30, modules=6)
-    for entries, index in (
-        ([long, short, almost], 1),
-        ([long, almost], 0),
-        ([almost, worse], 2),
-        ([short, surer, long], 4),
-    ):
-        assert (
-            getattr(select_champion(make_record(*entries), [True], sufficient_rate=0.93), "index", None)
-            == index
-        )
+    found = select_champion(record)
+    assert found is not None
+    assert (found.generation, found.kind) == (2, VALIDATION)
 
 
 def test_a_champion_as_plain_content():

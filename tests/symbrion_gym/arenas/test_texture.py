@@ -144,12 +144,6 @@ def test_an_arena_without_colors_is_written_as_before(tmp_path):
     assert sg.Arena.load(tmp_path).texture is None
 
 
-def test_a_folder_with_colors_that_gets_none_loses_its_picture(tmp_path):
-    make_colored_arena().save(tmp_path)
-    sg.make_arena(make_ground(), cache=False).save(tmp_path)
-    assert not (tmp_path / "surface.png").exists()
-
-
 def test_the_model_in_memory_and_that_of_the_folder_have_the_same_texture(tmp_path):
     arena = make_colored_arena()
     arena.save(tmp_path)
@@ -158,14 +152,6 @@ def test_the_model_in_memory_and_that_of_the_folder_have_the_same_texture(tmp_pa
     assert np.array_equal(memory.tex_data, file.tex_data)
     faces = [model.mesh_texcoord[model.mesh_facetexcoord.ravel()] for model in (memory, file)]
     assert faces[0] == pytest.approx(faces[1], abs=1e-6)
-
-
-def test_contact_does_not_know_colors():
-    plain, colored = sg.make_arena(make_ground(), cache=False), make_colored_arena()
-    assert len(plain.pieces) == len(colored.pieces)
-    for one, other in zip(plain.pieces, colored.pieces, strict=True):
-        assert np.array_equal(one.vertices, other.vertices)
-    assert np.array_equal(plain.surface.vertices, colored.surface.vertices)
 
 
 def test_a_mesh_with_colors_becomes_an_arena_with_colors():

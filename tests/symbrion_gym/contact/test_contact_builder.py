@@ -1,7 +1,5 @@
 """The passes: which candidate is accepted, and why."""
 
-import logging
-
 import numpy as np
 import pytest
 import trimesh
@@ -106,25 +104,6 @@ def test_without_slabs_patches_follow_the_course(mesh, monkeypatch):
     assert contact.notes["is_reached"]
     assert contact.quality.mean < 0.003
     assert contact.quality.uncovered < 0.008
-
-
-def test_rough_ground_becomes_patches_where_pieces_are_asked_for():
-    contact = make_contact(make_rough(), ContactOptions(kind="convex"), 0.005)
-    assert contact.notes["way"].startswith("patches")
-    assert contact.notes["is_reached"]
-    assert contact.quality.p95 < 0.015
-
-
-def test_missed_accuracy_names_worst_place_and_remedy(caplog):
-    with caplog.at_level(logging.WARNING):
-        contact = make_contact(make_rough(), ContactOptions(max_pieces=40), 0.001)
-    assert len(contact.pieces) <= 40
-    assert not contact.notes["is_reached"]
-    (warning,) = contact.notes["warnings"]
-    assert "accuracy 1 mm was missed" in warning
-    assert "max_pieces is 40" in warning
-    assert "hfield" in warning
-    assert len(contact.notes["worst"]["place"]) == 3
 
 
 def test_a_room_is_hollow():

@@ -1,12 +1,9 @@
 """Rough open ground that becomes a height field by itself, and what does not."""
 
 import numpy as np
-import pytest
 import trimesh
 from constants import with_constants
 
-from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.kinds import Contact
 from symbrion_gym._src.contact.options import ContactOptions
@@ -58,13 +55,6 @@ def test_the_heights_are_those_of_the_ground():
     assert np.abs(field.heights - wanted).max() < 0.012  # the chords of a mesh of 5 cm
 
 
-def test_equal_ground_gives_equal_heights():
-    first, second = make(make_waves()).height_field, make(make_waves()).height_field
-    assert first is not None
-    assert second is not None
-    assert first.heights.tobytes() == second.heights.tobytes()
-
-
 def test_ground_with_few_pieces_keeps_them():
     contact = make(make_waves(), 1e6)
     assert contact.height_field is None
@@ -77,35 +67,6 @@ def test_ground_with_holes_keeps_its_pieces():
     contact = make(trimesh.Trimesh(mesh.vertices, mesh.faces[is_far], process=False))
     assert contact.height_field is None
     assert "not known" in (find_result(contact) or "")
-
-
-def test_ground_below_a_roof_keeps_its_pieces():
-    ground = make_waves()
-    roof = make_waves(11).apply_translation([0, 0, 1.5])
-    both = trimesh.util.concatenate([ground, roof])
-    assert isinstance(both, trimesh.Trimesh)
-    contact = make(both)
-    assert contact.height_field is None
-
-
-@pytest.mark.parametrize("kind", ["primitives", "prisms"])
-def test_other_kinds_are_never_replaced(kind):
-    with with_constants(patches, least_density=1.0):
-        contact = make_contact(make_waves(15), ContactOptions(kind=kind), 0.02)
-    assert contact.height_field is None
-
-
-def test_an_arena_says_that_it_is_a_height_field(tmp_path):
-    with with_constants(patches, least_density=1.0):
-        arena = make_arena(make_waves(), accuracy=ACCURACY, cache=False)
-    assert arena.kind == "hfield"
-    arena.save(tmp_path / "waves")
-    assert Arena.load(tmp_path / "waves").kind == "hfield"
-
-
-def test_too_coarse_grids_are_not_taken():
-    with with_constants(patches, coarsest=0.5, finest=0.4):
-        assert make(make_waves()).height_field is None
 
 
 def test_where_pieces_are_asked_for_there_is_no_height_field():

@@ -5,11 +5,8 @@ import pytest
 import trimesh
 from scanned_surface import make_scanned_surface
 
-from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.contact.builder import make_contact
-from symbrion_gym._src.contact.options import ContactOptions
 from symbrion_gym._src.contact.planes import find_planes
 from symbrion_gym._src.contact.slab_union import find_heading, has_moved, restore_planes, unite_slabs
 from symbrion_gym._src.errors import ArenaError
@@ -40,21 +37,6 @@ def test_a_moved_wall_and_a_filled_pit_are_noticed():
     assert not has_moved([turn(piece, 0.0).apply_translation([0.001, 0, 0]) for piece in pieces], pieces)
     assert has_moved(Course(pit=0.41).pieces(), pieces)
     assert has_moved([unite_slabs(pieces).convex_hull], pieces)
-
-
-def test_coacd_makes_the_pieces_walls_stay_and_equal_seeds_give_equal_pieces():
-    mesh = make_scanned_surface(Course(pit=0.40).profile(), num_vertices=2200)
-    first, second = (make_contact(mesh, ContactOptions(seed=3), 0.003) for _ in range(2))
-    assert first.notes["way"] == "coacd of slabs"
-    for mine, theirs in zip(first.pieces, second.pieces, strict=True):
-        assert np.array_equal(mine.vertices, theirs.vertices)
-    x = np.linspace(-0.4, 0.4, 1601)
-    for y in (-0.9, 0.0, 0.9):
-        pit = x[Elevation(*first.pieces).height(x, y) < 0.125]
-        assert pit.min() == pytest.approx(-0.2, abs=0.005)
-        assert pit.max() == pytest.approx(0.2, abs=0.005)
-    short = make_contact(mesh, ContactOptions(time_limit=0.8), 0.003)
-    assert short.pieces
 
 
 def test_hulls_that_bulge_get_the_planes_of_the_slabs_back():

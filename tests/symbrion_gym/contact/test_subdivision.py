@@ -6,8 +6,6 @@ import trimesh
 from scanned_surface import make_scanned_surface
 
 from symbrion_gym._src.arenas.course import Course, StairsCourse, make_simple_surface
-from symbrion_gym._src.contact.builder import make_contact
-from symbrion_gym._src.contact.options import ContactOptions
 from symbrion_gym._src.contact.simplification import split_long_edges
 
 EXACT = {
@@ -35,12 +33,3 @@ def test_the_surface_stays_the_same_and_hangs_together(name):
 def test_fine_meshes_are_left_alone():
     mesh = make_scanned_surface(Course().profile(), num_vertices=800)
     assert split_long_edges(mesh) is mesh
-
-
-@pytest.mark.parametrize("name", EXACT)
-def test_exact_coarse_meshes_make_arenas(name):
-    made = make_contact(EXACT[name], ContactOptions(), 0.003)
-    assert made.quality.mean < 0.0005
-    assert made.quality.uncovered < 0.001
-    assert made.quality.num_pieces <= 16
-    assert made.notes["way"].endswith("slabs")

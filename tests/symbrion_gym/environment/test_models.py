@@ -33,14 +33,6 @@ def test_each_simulation_has_its_own_arena_to_the_bit(more):
         assert_equal_ticks(vector, singles, 120, rng)
 
 
-def test_a_choice_stays_until_another_is_made():
-    vector = OrganismVectorEnv(2, modules=3, arena="gsrm", stretches=STRETCHES, start="pit")
-    vector.reset(seed=0, options={"stretch": 1.025})
-    _, first = vector.reset(seed=0)
-    _, other = vector.reset(seed=0, options={"stretch": [1.025, 1.0]})
-    assert first["x_position"][0] == other["x_position"][0] < other["x_position"][1]
-
-
 def _add_odd_piece(arena):
     """Return the arena with a piece that is a box only when the arena is stretched by the first factor."""
     box = trimesh.creation.box((0.3, 1.0, 0.3))

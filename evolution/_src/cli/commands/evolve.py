@@ -5,9 +5,8 @@ import json
 import os
 import shlex
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -38,9 +37,6 @@ from symbrion_gym._src.assets import SCANNED
 from symbrion_gym._src.environment.config import STARTS
 from symbrion_gym._src.robot.organism import snake
 
-if TYPE_CHECKING:
-    from evolution._src.search.loop import OnGeneration
-
 MODELS_OF_TRUTH = ("truth", "simple", *SCANNED)
 """Named arenas that are the true course or models of it."""
 Place = tuple[float, float]
@@ -64,12 +60,8 @@ class Evolve(SeededCommand):
 
     arena: str = "gsrm"
     """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a file that `symbrion arena` takes."""
-    stages: tuple[str, ...] = ()
-    """Several arenas one after the other, coarse to fine; replaces --arena."""
     modules: int | None = None
     """Number of modules of the snake. Default: 8."""
-    body_lengths: tuple[int, int] | None = None
-    """Evolve the number of modules, too: the smallest and the largest."""
     organism: str | None = None
     """The body in place of --modules: a body plan, the name of a shape (cross, H), or a file of one."""
     task: str | None = None
@@ -105,14 +97,11 @@ class Evolve(SeededCommand):
     """Address of an existing Ray cluster."""
     folder: Path = Path("runs/latest")
     """The run folder."""
-    tensorboard: bool = False
-    """Also write the history for TensorBoard, into the run folder."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         find_modules_here(*(each for each in (self.task, self.controller, self.fitness) if ":" in str(each)))
-        for arena in self.stages or (self.arena,):
-            check_arena(arena)
+        check_arena(self.arena)
         if self.generations is not None and self.generations < 1:
             raise UsageError(f"--generations {self.generations} is too few; give 1 or more")
         require_writable_folder(self.folder, "--folder")
@@ -132,9 +121,7 @@ class Evolve(SeededCommand):
     def make_config(self) -> "ev.EvolutionConfig":
         """Return the configuration of the run."""
         fields = self._list_common() | {
-            "body_lengths": self.body_lengths,
             "organism": self.organism,
-            "stages": tuple(ev.Stage(arena) for arena in self.stages),
             "trials": self.trials,
         }
         optional = {
@@ -147,7 +134,7 @@ class Evolve(SeededCommand):
 
     def make_bodies_config(self) -> "ev.BodyEvolutionConfig":
         """Return the configuration of a search for bodies."""
-        for name in ("modules", "body_lengths", "organism", "stages", "tensorboard"):
+        for name in ("modules", "organism"):
             value = getattr(self, name)
             if value:
                 flag = f"--{name.replace('_', '-')}"
@@ -184,21 +171,17 @@ class Evolve(SeededCommand):
         return fields | {name: value for name, value in optional.items() if value is not None}
 
     def run(self, console: Console) -> dict[str, Any]:
-        for arena in self.stages or (self.arena,):
-            check_arena_folder(arena)
+        check_arena_folder(self.arena)
         if self.bodies is not None:
             found = self.make_bodies_config()
             warn_of_limit(found)
             warn_of_way(found, snake(found.bodies.smallest), snake(found.bodies.largest))
             return run_bodies(found, console)
         config = self.make_config()
-        shortest, longest = config.body_lengths or (config.modules, config.modules)
-        warn_of_way(config, config.body.find_organism(shortest), config.body.find_organism(longest))
-        with (
-            console.track(f"Evolution, {describe_body(config)}") as step,
-            _open_tensorboard(self.folder, self.tensorboard) as callback,
-        ):
-            run = ev.evolve(config, on_generation=callback, progress=step.progress)
+        body = config.body.find_organism()
+        warn_of_way(config, body, body)
+        with console.track(f"Evolution, {format_count(config.modules, 'module')}") as step:
+            run = ev.evolve(config, progress=step.progress)
         return report_run(run, console)
 
 
@@ -228,13 +211,6 @@ def _check_goal(goal: object) -> None:
         raise UsageError(f"--goal {goal}: a known object is a name, a place is `FLOAT FLOAT`")
 
 
-def describe_body(config: "ev.EvolutionConfig") -> str:
-    """Return the size of the body of a run in words."""
-    if config.body_lengths is None:
-        return format_count(config.modules, "module")
-    return f"{' to '.join(map(str, config.body_lengths))} modules"
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Resume(TrustingCommand):
     """Continue a run; the history is bit-identical to that of a run that was never interrupted.
@@ -253,8 +229,6 @@ class Resume(TrustingCommand):
     """Threads or processes; the results do not depend on their number."""
     backend: Literal["batch", "processes", "ray", "warp"] | None = None
     """Where simulations run: threads (batch), processes, a Ray cluster, or a GPU (warp). Default: as recorded."""
-    tensorboard: bool = False
-    """Also write the history for TensorBoard, into the run folder."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -279,22 +253,9 @@ class Resume(TrustingCommand):
             if self.max_seconds is not None:
                 changes["max_seconds"] = None if self.max_seconds == "unlimited" else self.max_seconds
             return resume_run_of_bodies(self.folder, changes, console)
-        with (
-            console.track(f"Evolution in {self.folder}") as step,
-            _open_tensorboard(self.folder, self.tensorboard) as callback,
-        ):
-            run = ev.resume(self.folder, on_generation=callback, progress=step.progress, **changes)
+        with console.track(f"Evolution in {self.folder}") as step:
+            run = ev.resume(self.folder, progress=step.progress, **changes)
         return report_run(run, console)
-
-
-def _open_tensorboard(folder: Path, tensorboard: bool) -> "AbstractContextManager[OnGeneration | None]":
-    """Return the callback that writes for TensorBoard; one of None where it is not wanted."""
-    if not tensorboard:
-        return nullcontext()
-    from evolution._src.report.tensorboard_log import FOLDER, TensorBoardLog
-
-    first = len(ev.load_run(folder).history) if (folder / FOLDER).is_dir() else 0
-    return TensorBoardLog(first)
 
 
 def require_run(folder: Path) -> None:

@@ -21,7 +21,7 @@ from reconstruction._src.base.extras import find_missing
 from reconstruction._src.base.range_checks import format_count
 
 if TYPE_CHECKING:
-    from evolution._src.body_search.learning import Lesson
+    from evolution._src.body_search.learning import LevelResult
     from evolution._src.body_search.run import BodyRun
 
 PICTURE = "bodies.png"
@@ -117,12 +117,12 @@ def _confirm(run: BodyRun, console: Console) -> BodyRun:
 
 def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
     """Print the results of a search for bodies, and return them as a summary."""
-    lessons, confirmation = run.record.lessons, run.confirmation
-    best = run.best if confirmation is None else confirmation.lesson
+    results, confirmation = run.record.results, run.confirmation
+    best = run.best if confirmation is None else confirmation.result
     summary: dict[str, Any] = {
         "folder": run.folder,
         "iterations": len(run.history),
-        "bodies": len({lesson.pupil.key for lesson in lessons}),
+        "bodies": len({result.body.canonical_text for result in results}),
         "simulated_seconds": run.record.seconds,
         "fresh_seconds": 0.0 if confirmation is None else confirmation.seconds,
         "stopped_by": find_stops(run),
@@ -134,8 +134,8 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
         + ("" if confirmation is None else f", and {confirmation.seconds:.0f} s in fresh trials")
     )
     if best is not None:
-        modules = format_count(best.pupil.body.num_modules, "module")
-        summary["plan"] = best.pupil.body.to_plan()
+        modules = format_count(best.body.num_modules, "module")
+        summary["plan"] = best.body.to_plan()
         summary["confirmed"] = confirmation is not None
         console.print_line(f"best body, {modules}, {summary['plan']}: {describe_success(run)}")
         if run.folder is not None and not find_missing("report"):
@@ -154,12 +154,10 @@ def _draw_best(run: BodyRun, path: Path) -> None:
     from evolution._src.report.bodies import draw_bodies
     from evolution._src.report.figures import to_png
 
-    best: dict[str, Lesson] = {}
-    for lesson in sorted(run.record.lessons, key=lambda each: (each.rung, each.fitness), reverse=True):
-        best.setdefault(lesson.pupil.body.canonical_text, lesson)
+    best: dict[str, LevelResult] = {}
+    for result in sorted(run.record.results, key=lambda each: (each.level, each.fitness), reverse=True):
+        best.setdefault(result.body.canonical_text, result)
     shown = list(best.values())[:MAX_DRAWN]
-    figure = draw_bodies(
-        [each.pupil.body for each in shown], [format_fitness(run, each.fitness) for each in shown]
-    )
+    figure = draw_bodies([each.body for each in shown], [format_fitness(run, each.fitness) for each in shown])
     with write_atomically(path) as temporary:
         temporary.write_bytes(to_png(figure))
