@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from reconstruction._src.networks.som.density import DensityConfig, measure_density
+from reconstruction._src.networks.som.density import measure_density
 
 _EVEN_SAMPLES = 20.0
 """Samples a unit in an even cloud: enough to average its noise."""
@@ -33,7 +33,7 @@ def choose_units(points: Float[np.ndarray, "N 3"]) -> int:
     """
     stride = max(1, len(points) // _SAMPLE_SIZE)
     sample = points[::stride]
-    density = measure_density(sample, cKDTree(sample), np.random.default_rng(0), DensityConfig())
+    density = measure_density(sample, cKDTree(sample), np.random.default_rng(0))
     if np.ptp(density.spacing) == 0:
         wanted = len(points) / _EVEN_SAMPLES
     else:

@@ -19,6 +19,16 @@ _CPU_CHUNK, _GPU_CHUNK = 4096, 2**20
 """Samples treated at once: what fits the cache of a core, and plenty for a GPU. Powers of two, as array lengths are."""
 
 
+NEIGHBOR_SHARE = 0.0
+"""Share of the neighbors' moments that every vertex adds to its own where a whole mesh is fitted; above 0 for
+noisy data or fewer than about 20 samples a vertex."""
+OUTLIER_SCALE = 6.0
+"""A sample this many times the mean residual from the faces around it has half its weight (Cauchy); lower
+ignores more outliers, and more of the creases."""
+MAX_RESIDUAL = 0.5
+"""Residuals count up to this for the mean, so that outliers do not raise it."""
+
+
 @dataclass(frozen=True)
 class FitConfig:
     """How a mesh is fitted to its samples. Lengths are in mean edges.
@@ -28,22 +38,14 @@ class FitConfig:
             Higher, and creases stay round; near 0 vertices without a crease drift.
         step_limit: longest step of a vertex in one iteration; longer steps overshoot where the mesh is folded.
         reach: samples farther from the surface do not belong to it.
-        neighbor_share: share of the neighbors' moments that every vertex adds to its own where a whole mesh is
-            fitted; above 0 for noisy data or fewer than about 20 samples a vertex.
-        outlier_scale: a sample this many times the mean residual from the faces around it has half its weight
-            (Cauchy); lower ignores more outliers, and more of the creases.
-        max_residual: residuals count up to this for the mean, so that outliers do not raise it.
     """
 
     stiffness: float = 0.03
     step_limit: float = 0.4
     reach: float = 2.0
-    neighbor_share: float = 0.0
-    outlier_scale: float = 6.0
-    max_residual: float = 0.5
 
     def __post_init__(self) -> None:
-        check_all_positive(self, may_be_zero=("neighbor_share",))
+        check_all_positive(self)
 
 
 def find_chunk(num_samples: int) -> int:
@@ -89,9 +91,9 @@ def _sum_moments(
     residual, corner, barycentric, along, weight = _find_residuals(
         vertices, ring, samples, winners, weights, config.reach, chunk, order
     )
-    capped = jnp.minimum(along, config.max_residual)
+    capped = jnp.minimum(along, MAX_RESIDUAL)
     typical = jnp.sum(weight * capped) / jnp.maximum(jnp.sum(weight), 1e-9)
-    weight = weight / (1 + (along / (config.outlier_scale * typical + 1e-6)) ** 2)
+    weight = weight / (1 + (along / (OUTLIER_SCALE * typical + 1e-6)) ** 2)
     num_vertices = vertices.shape[0]
 
     def accumulate(total, batch):

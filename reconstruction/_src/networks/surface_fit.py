@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 
 from reconstruction._src.geometry.rows import find_lengths
-from reconstruction._src.networks.least_squares import FitConfig, find_chunk, fit_once
+from reconstruction._src.networks.least_squares import NEIGHBOR_SHARE, FitConfig, find_chunk, fit_once
 from reconstruction._src.networks.som.padding import half_octave_length, pad_rows, padded_length
 from reconstruction._src.networks.som.winners import find_winners
 
@@ -126,7 +126,7 @@ def _fit(
     chunk: int,
 ) -> Float[jax.Array, "V 3"]:
     """Repeat the step; all lengths in mean edges. Only whole meshes share moments and need an order."""
-    spread = partial(_share, ring=ring, share=config.neighbor_share) if is_movable is None else None
+    spread = partial(_share, ring=ring, share=NEIGHBOR_SHARE) if is_movable is None else None
 
     def iterate(_, positions):
         return fit_once(

@@ -13,7 +13,19 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.objects.background import find_background, find_planes, measure_noise
 from reconstruction._src.objects.matching import align, make_detector, propose_poses, require_library
-from reconstruction._src.objects.model import ObjectModel, ObjectsConfig, choose_equivalent, make_model
+from reconstruction._src.objects.model import (
+    MIN_BEAMS,
+    MIN_COVERAGE,
+    MIN_NOISE,
+    NUM_HYPOTHESES,
+    PLANE_AREA,
+    SAMPLING,
+    SPACING,
+    ObjectModel,
+    ObjectsConfig,
+    choose_equivalent,
+    make_model,
+)
 from reconstruction._src.objects.readings import Cells, Region, find_regions, make_cells, read_scan
 from reconstruction._src.objects.verification import (
     BeamIndex,
@@ -129,7 +141,7 @@ def find_objects(
     if not objects:
         raise ReconstructionError("objects is empty; give name -> mesh of at least one object")
     models = [make_model(name, mesh) for name, mesh in objects.items()]
-    cloud, surface_normals = read_scan(scan, config.spacing, seed)
+    cloud, surface_normals = read_scan(scan, SPACING, seed)
     found: list[_Candidate] = []
     for number, model in enumerate(models):
         scene = _prepare(cloud, surface_normals, model, config, seed)
@@ -160,12 +172,12 @@ def _prepare(
 ) -> _Scene:
     """Set the planes aside that are large for this object."""
     rng = np.random.default_rng(seed)
-    planes = find_planes(cloud.points, config.plane_area * model.largest_side, rng)
-    measured = max(measure_noise(cloud, planes), config.min_noise)
+    planes = find_planes(cloud.points, PLANE_AREA * model.largest_side, rng)
+    measured = max(measure_noise(cloud, planes), MIN_NOISE)
     noise = measured if config.noise is None else config.noise
     is_background = find_background(cloud.points, planes, config.tolerance * noise)
     rest = cloud.select(~is_background)
-    cells = make_cells(rest, config.spacing) if rest.num_points else make_cells(cloud, config.spacing)
+    cells = make_cells(rest, SPACING) if rest.num_points else make_cells(cloud, SPACING)
     beams = None if cloud.origins is None else BeamIndex(cloud)
     normals = _compute_cell_normals(cells, _select_outward(cells, cloud, surface_normals))
     return _Scene(cloud, is_background, cells, normals, beams, noise)
@@ -198,11 +210,11 @@ def _search(
 ) -> _Candidate | None:
     """Return the best pose in a region, where the scan agrees with it."""
     points, normals = scene.cells.points[region.rows], scene.normals[region.rows]
-    rows = _thin_rows(points, _THINNING * config.sampling * 2 * model.radius)
+    rows = _thin_rows(points, _THINNING * SAMPLING * 2 * model.radius)
     rows = rows[:: -(-len(rows) // _MAX_POINTS)]
     points, normals = points[rows], normals[rows]
     beams = None if scene.beams is None else scene.beams.find(region.center, 3 * model.radius)
-    proposed = propose_poses(detector, model, points, normals, config)[: config.num_hypotheses]
+    proposed = propose_poses(detector, model, points, normals, config)[:NUM_HYPOTHESES]
     if not proposed:
         return None
     best = _choose(scene, model, np.array(proposed), points, normals, beams, config)
@@ -265,15 +277,15 @@ def verify(
         return verify_by_beams(model, pose, beams, scene.is_background[beams.rows], scene.noise, config)
     near = np.flatnonzero((np.abs(scene.cloud.points - center) < reach).all(axis=1))
     points, is_background = scene.cloud.points[near], scene.is_background[near]
-    return verify_by_distance(model, pose, points, is_background, scene.noise, config.spacing, config)
+    return verify_by_distance(model, pose, points, is_background, scene.noise, SPACING, config)
 
 
 def is_accepted(verdict: Verdict, config: ObjectsConfig) -> bool:
     """Return whether a verdict is good enough for a find."""
     return (
         verdict.score >= config.min_score
-        and verdict.coverage >= config.min_coverage
-        and verdict.num_beams >= config.min_beams
+        and verdict.coverage >= MIN_COVERAGE
+        and verdict.num_beams >= MIN_BEAMS
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.objects.model import ObjectModel, ObjectsConfig, find_angle
+from reconstruction._src.objects.model import SAMPLING, ObjectModel, ObjectsConfig, find_angle
 
 _SAME_PLACE, _SAME_ANGLE = 0.25, np.radians(20.0)
 """Poses nearer than this share of the radius, and this angle, are one hypothesis."""
@@ -33,7 +33,7 @@ def make_detector(model: ObjectModel, config: ObjectsConfig) -> Any:
     import cv2
 
     cv2.setNumThreads(1)
-    detector = cv2.ppf_match_3d.PPF3DDetector(config.sampling, config.sampling, 30)
+    detector = cv2.ppf_match_3d.PPF3DDetector(SAMPLING, SAMPLING, 30)
     rows = np.linspace(0, len(model.points) - 1, min(_TRAINED, len(model.points))).round().astype(np.int64)
     samples = np.hstack([model.points[rows], model.point_normals[rows]]).astype(np.float32)
     detector.trainModel(np.ascontiguousarray(samples))

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.input_cloud import make_cloud
-from reconstruction._src.objects.model import ObjectModel, ObjectsConfig, find_spread
+from reconstruction._src.objects.model import SPACING, ObjectModel, ObjectsConfig, find_spread
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import make_log_cloud
 from reconstruction._src.scans.scan import ScanLog
@@ -107,7 +107,7 @@ def find_regions(points: Float[np.ndarray, "C 3"], model: ObjectModel, config: O
     if len(points) < 8:
         return []
     tree = cKDTree(points)
-    pairs = tree.query_pairs(_GAP * config.spacing, output_type="ndarray")
+    pairs = tree.query_pairs(_GAP * SPACING, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), bool), tuple(pairs.T)), shape=(len(points), len(points)))
     count, part = connected_components(graph, directed=False)
     order = np.argsort(part, kind="stable")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,69 +21,53 @@ _MAX_CELLS = 2.0**62
 """Numbers of cells are 64-bit integers."""
 
 
+_POINTS_PER_CELL = 12
+"""Points that share a cell in the mean, where there are enough. With 12, where the density is even, a point's
+cell holds fewer than 3 by chance in 1 of 5,000 cases (Poisson)."""
+_CELL_GROWTH = 1.5
+"""Factor by which the cells grow at a time; smaller is closer to `max_share`, and slower."""
+_MAX_GROWTH_STEPS = 24
+"""Most times that they grow; 24 times 1.5 is a factor of 17,000, the whole cloud."""
+_NUM_BISECTIONS = 8
+"""Steps of the search for the first cell; 8 leave it uncertain by 4 %."""
+_MAX_HALVINGS = 14
+"""The search begins between the extent of the cloud and this many halvings of it."""
+_SAMPLE_SIZE = 40000
+"""Points that the search counts, about: it bounds the time on large clouds."""
+_FLAT_NEIGHBORS = 10
+"""So many neighbors; below 8, points in the air look flat by chance."""
+_KEPT_SHARE = 0.5
+"""Or where more than this share of its neighbors stay."""
+_MAX_LONELINESS = 1.5
+"""As sparse is what is at most this many times farther from its neighbors than they from theirs."""
+
+
 @dataclass(frozen=True)
 class SparsePointsConfig:
     """Which points count as isolated (`find_sparse_points`).
 
     Attributes:
-        cell: edge of the cells [m]; None: found from the density of the points.
         threshold: a point is sparse where its cell holds fewer points than this. 2 finds single points, 3 pairs
             as well.
         max_share: largest share of the points that may be sparse, where `cell` is None: the cells grow until it
             is met. An outdoor cloud, whose density falls with the distance, would lose what is far away
             otherwise. 0 finds nothing.
-        points_per_cell: points that share a cell in the mean, where `cell` is None. With 12, where the density is
-            even, a point's cell holds fewer than 3 by chance in 1 of 5,000 cases (Poisson).
-        cell_growth: factor by which the cells grow at a time; smaller is closer to `max_share`, and slower.
-        max_growth_steps: most times that they grow; 24 times 1.5 is a factor of 17,000, the whole cloud.
-        num_bisections: steps of the search for the first cell; 8 leave it uncertain by 4 %.
-        max_halvings: the search begins between the extent of the cloud and this many halvings of it.
-        sample_size: points that the search counts, about: it bounds the time on large clouds.
         flatness: a sparse point stays where its neighbors are as sparse as itself and lie on a plane: a far wall.
             Their least variance over the largest is below this then; that of points in the air is 0.1 to 0.5. 0 keeps
             none.
-        flat_neighbors: so many neighbors; below 8, points in the air look flat by chance.
-        kept_share: or where more than this share of its neighbors stay.
-        max_loneliness: as sparse is what is at most this many times farther from its neighbors than they from theirs.
     """
 
-    cell: float | None = None
     threshold: int = 3
     max_share: float = 0.03
-    points_per_cell: int = 12
-    cell_growth: float = 1.5
-    max_growth_steps: int = 24
-    num_bisections: int = 8
-    max_halvings: int = 14
-    sample_size: int = 40_000
     flatness: float = 0.04
-    flat_neighbors: int = 10
-    kept_share: float = 0.5
-    max_loneliness: float = 1.5
 
     def __post_init__(self) -> None:
-        if self.cell is not None and not 0 < self.cell < math.inf:
-            raise ScanError(f"cell must be above 0, got {self.cell}")
-        for name in ("max_share", "kept_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ScanError(f"{name} must be from 0 to 1, got {getattr(self, name)}")
-        if not 1 < self.cell_growth < math.inf:
-            raise ScanError(f"cell_growth must be above 1, got {self.cell_growth}")
-        if not self.flatness >= 0 or not self.max_loneliness > 0:
-            raise ScanError(
-                f"flatness must not be negative and max_loneliness above 0, got {self.flatness} and "
-                f"{self.max_loneliness}"
-            )
-        for name in (
-            "threshold",
-            "points_per_cell",
-            "flat_neighbors",
-            "max_growth_steps",
-            "num_bisections",
-            "sample_size",
-        ):
-            if getattr(self, name) < 1:
-                raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
+        if not 0 <= self.max_share <= 1:
+            raise ScanError(f"max_share must be from 0 to 1, got {self.max_share}")
+        if not self.flatness >= 0:
+            raise ScanError(f"flatness must not be negative, got {self.flatness}")
+        if self.threshold < 1:
+            raise ScanError(f"threshold must be 1 or more, got {self.threshold}")
 
 
 def as_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
@@ -141,17 +124,15 @@ def find_sparse_points(points: ArrayLike, config: SparsePointsConfig | None = No
     """
     config = config or SparsePointsConfig()
     points = as_points(points)
-    if len(points) < 4 * config.points_per_cell or not np.ptp(points, axis=0).any():  # too few for a density
+    if len(points) < 4 * _POINTS_PER_CELL or not np.ptp(points, axis=0).any():  # too few for a density
         return np.zeros(len(points), bool)
-    if config.cell is not None:
-        return _count_in_cells(points, config.cell) < config.threshold
     cell = _find_cell(points, config)
-    for _ in range(config.max_growth_steps):
+    for _ in range(_MAX_GROWTH_STEPS):
         is_sparse = _count_in_cells(points, cell) < config.threshold
         if is_sparse.mean() <= config.max_share:
             is_sparse[is_sparse] = ~_find_flat(points, is_sparse, config)
             return is_sparse
-        cell *= config.cell_growth
+        cell *= _CELL_GROWTH
     return np.zeros(len(points), bool)
 
 
@@ -163,24 +144,24 @@ def _find_flat(
     if not config.flatness:
         return np.zeros(len(chosen), bool)
     is_flat, is_alike, neighbors, _ = find_flat(
-        points, chosen, config.flat_neighbors, config.flatness, config.max_loneliness
+        points, chosen, _FLAT_NEIGHBORS, config.flatness, _MAX_LONELINESS
     )
     is_kept = ~is_sparse
     is_kept[chosen] = is_flat
     # The edge of a far wall is not flat itself, but most of its neighbors are.
-    return is_flat | (is_alike & (is_kept[neighbors].mean(axis=1) > config.kept_share))
+    return is_flat | (is_alike & (is_kept[neighbors].mean(axis=1) > _KEPT_SHARE))
 
 
 def _find_cell(points: Float[np.ndarray, "N 3"], config: SparsePointsConfig) -> float:
     """Return the edge at which cells hold `points_per_cell` points, found on every n-th point."""
     high = float(np.ptp(points, axis=0).max())
-    low = high / 2.0**config.max_halvings
-    stride = max(1, len(points) // config.sample_size)
+    low = high / 2.0**_MAX_HALVINGS
+    stride = max(1, len(points) // _SAMPLE_SIZE)
     sample = points[::stride]
-    for _ in range(config.num_bisections):
+    for _ in range(_NUM_BISECTIONS):
         cell = float(np.sqrt(low * high))
         others = (_count_in_cells(sample, cell, shifts=(0.0,)).mean() - 1) * stride
-        low, high = (cell, high) if others < config.points_per_cell - 1 else (low, cell)
+        low, high = (cell, high) if others < _POINTS_PER_CELL - 1 else (low, cell)
     return high
 
 

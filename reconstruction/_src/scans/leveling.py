@@ -31,6 +31,20 @@ _NOISES, _LEAST_TOLERANCE = 3.0, 0.01
 """Readings off the line of the floor by this many standard deviations of the noise count, and by 1 cm [m]."""
 
 
+_NUM_BINS = 40
+"""Bins of declination between -max_tilt and max_tilt that readings vote for: 0.2 degrees each."""
+_MIN_DISTANCE = 0.2
+"""Readings nearer than this to the robot's foot do not vote [m]: their direction is uncertain."""
+_FULL_WEIGHT_DISTANCE = 1.0
+"""A vote's weight grows with the distance from the foot up to this one [m]."""
+_HEIGHT_BIN = 0.02
+"""Bins of height [m] that the floor is found in, where a log has no `mount`."""
+_HEIGHT_SHARE = 0.5
+"""The floor is the lowest bin that holds at least this share of the readings in the fullest bin."""
+_HEIGHT_WINDOW = 5
+"""Bins above that one, itself included, of which the fullest is taken."""
+
+
 @dataclass(frozen=True)
 class LevelingConfig:
     """How the floor is found in a scan (`find_declination`).
@@ -41,36 +55,18 @@ class LevelingConfig:
         tolerance: largest distance of a reading from the line of the floor [m]: three times the noise of a common
             scanner beyond 3 m.
         max_slope: a scan plane is vertical where the vertical component of its normal is less than this.
-        num_bins: bins of declination between -max_tilt and max_tilt that readings vote for: 0.2 degrees each.
-        min_distance: readings nearer than this to the robot's foot do not vote [m]: their direction is uncertain.
-        full_weight_distance: a vote's weight grows with the distance from the foot up to this one [m].
-        height_bin: bins of height [m] that the floor is found in, where a log has no `mount`.
-        height_share: the floor is the lowest bin that holds at least this share of the readings in the fullest
-            bin.
-        height_window: bins above that one, itself included, of which the fullest is taken.
     """
 
     max_tilt: float | None = None
     tolerance: float = 0.03
     max_slope: float = 0.3
-    num_bins: int = 40
-    min_distance: float = 0.2
-    full_weight_distance: float = 1.0
-    height_bin: float = 0.02
-    height_share: float = 0.5
-    height_window: int = 5
 
     def __post_init__(self) -> None:
         if self.max_tilt is not None and not 0 < self.max_tilt < np.pi / 2:
             raise ScanError(f"max_tilt must be above 0 and below pi / 2, got {self.max_tilt}")
-        for name in ("tolerance", "max_slope", "full_weight_distance", "height_bin", "height_share"):
+        for name in ("tolerance", "max_slope"):
             if not getattr(self, name) > 0:
                 raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
-        if not self.min_distance >= 0:
-            raise ScanError(f"min_distance must not be negative, got {self.min_distance}")
-        for name in ("num_bins", "height_window"):
-            if getattr(self, name) < 1:
-                raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
 
 
 def level_floor(
@@ -170,14 +166,14 @@ def _vote(
     u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], limit: float, config: LevelingConfig
 ) -> Float[np.ndarray, " S"]:
     """Return the tangent of the declination with most votes in every scan; 0 where there are none."""
-    num_scans, num_bins = len(u), config.num_bins
+    num_scans, num_bins = len(u), _NUM_BINS
     with np.errstate(divide="ignore", invalid="ignore"):
         place = (v / u / limit + 1) * (num_bins / 2)
-    is_vote = np.abs(u) > config.min_distance
+    is_vote = np.abs(u) > _MIN_DISTANCE
     is_vote &= (place > 0) & (place < num_bins)
     scan, _ = np.nonzero(is_vote)
     bins = place[is_vote].astype(np.int64) + num_bins * scan
-    weight = np.minimum(np.abs(u[is_vote]), config.full_weight_distance)
+    weight = np.minimum(np.abs(u[is_vote]), _FULL_WEIGHT_DISTANCE)
     table = np.bincount(bins, weight, minlength=num_bins * num_scans).reshape(num_scans, num_bins)
     votes = table.astype(float)
     votes[:, 1:] += _NEIGHBOR_VOTE * table[:, :-1]
@@ -223,14 +219,14 @@ def _plane_coordinates(
 
 def _find_floor_height(heights: Float[np.ndarray, "S B"], config: LevelingConfig) -> float:
     """Return the height of most readings below the sensor, or the lowest one with nearly as many."""
-    bin_width = config.height_bin
+    bin_width = _HEIGHT_BIN
     low = heights[heights < 0]
     if not low.size:
         return 0.0
     counts = np.bincount(((low - low.min()) / bin_width).astype(np.int64))
     counts = np.convolve(counts, [1, 1, 1], "same")
-    first = int(np.argmax(counts >= config.height_share * counts.max()))
-    first += int(np.argmax(counts[first : first + config.height_window]))
+    first = int(np.argmax(counts >= _HEIGHT_SHARE * counts.max()))
+    first += int(np.argmax(counts[first : first + _HEIGHT_WINDOW]))
     peak = low.min() + (first + 0.5) * bin_width
     return float(low[np.abs(low - peak) < 2 * bin_width].mean())
 

@@ -13,8 +13,6 @@ from reconstruction._src.geometry.pose import make_pose, to_planar, transform_pl
 from reconstruction._src.scans.leveling import LevelingConfig, find_declination, find_tilt, use_priors
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog
 from reconstruction._src.scans.scan_matching import (
-    OdometryConfig,
-    ScanMatchingConfig,
     fuse_odometry,
     match_to_map,
 )
@@ -24,43 +22,40 @@ _LEAST_VIBRATION = 1e-5
 """A robot that does not sway keeps the weights finite [rad]."""
 
 
+_MATCH_ERROR = 0.001
+"""Standard deviation of the position of a scan matched to the final map [m]."""
+_MIN_HEIGHT = 0.1
+"""A horizontal scanner below this height [m] shows no pitch: its sway is less than the error of matching."""
+_MAX_PITCH = 0.1
+"""Largest sine of the pitch: more is a wrong match."""
+
+
 @dataclass(frozen=True)
 class LocalizationConfig:
     """How the robot is localized (`localize`).
 
     Attributes:
-        matching: parameters of the matching of the horizontal scans.
-        odometry: how far it is trusted.
+        slip: standard deviation of the wheels' error after one meter [m] (and [rad]); it grows with the square root of
+            the way; larger values trust the matches more. None: estimated, for way and turns apart.
         leveling: finds the tilt across the robot, which moves the horizontal scanner.
         vibration: standard deviation of the robot's pitch as it drives [rad]; larger values smooth the track more.
             None: estimated, as that of its roll, which leveling finds.
-        match_error: standard deviation of the position of a scan matched to the final map [m].
-        min_height: a horizontal scanner below this height [m] shows no pitch: its sway is less than the error of
-            matching.
-        max_pitch: largest sine of the pitch: more is a wrong match.
     """
 
-    matching: ScanMatchingConfig = field(default_factory=ScanMatchingConfig)
-    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    slip: float | None = None
     leveling: LevelingConfig = field(default_factory=LevelingConfig)
     vibration: float | None = None
-    match_error: float = 0.001
-    min_height: float = 0.1
-    max_pitch: float = 0.1
 
     def __post_init__(self) -> None:
         if self.vibration is not None and not self.vibration > 0:
             raise ScanError(f"vibration must be above 0, got {self.vibration}; None estimates it")
-        for name in ("match_error", "min_height"):
-            if not getattr(self, name) > 0:
-                raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
-        if not 0 < self.max_pitch <= 1:
-            raise ScanError(f"max_pitch must be above 0 and at most 1, got {self.max_pitch}")
+        if self.slip is not None and not self.slip >= 0:
+            raise ScanError(f"slip must not be negative, got {self.slip}; None estimates it")
 
     def find_sway(self, height: float) -> float:
         """Return the standard deviation of the position of a scanner at this height, matching error included [m]."""
         vibration = UNKNOWN_SHAKE if self.vibration is None else self.vibration
-        return float(np.hypot(vibration * height, self.match_error))
+        return float(np.hypot(vibration * height, _MATCH_ERROR))
 
 
 def localize(
@@ -96,9 +91,9 @@ def localize(
     if config.vibration is None:
         config = replace(config, vibration=_find_vibration(log, config))
     sway = (find_tilt(log, config.leveling)[:, :3, :3] @ place - place)[:, :2]
-    matched = match_to_map(log.horizontal, sway, config.matching, progress)
+    matched = match_to_map(log.horizontal, sway, progress)
     height = float(place[2])
-    planar = fuse_odometry(matched, log.horizontal.odometry, config.find_sway(height), config.odometry)
+    planar = fuse_odometry(matched, log.horizontal.odometry, config.find_sway(height), config.slip)
     pitch = find_pitch(matched, planar, height, config)
     planar = _move_to_start(planar, log.horizontal.start)
     robot = make_pose(*planar.T, pitch=pitch)
@@ -112,10 +107,10 @@ def localize(
 def _use_priors(config: LocalizationConfig, priors: NoisePriors | None) -> LocalizationConfig:
     if priors is None:
         return config
-    odometry = config.odometry if priors.slip is None else replace(config.odometry, slip=priors.slip)
+    slip = config.slip if priors.slip is None else priors.slip
     vibration = config.vibration if priors.shake is None else max(priors.shake, _LEAST_VIBRATION)
     leveling = use_priors(config.leveling, priors)
-    return replace(config, odometry=odometry, leveling=leveling, vibration=vibration)
+    return replace(config, slip=slip, leveling=leveling, vibration=vibration)
 
 
 def _find_vibration(log: ScanLog, config: LocalizationConfig) -> float:
@@ -150,9 +145,9 @@ def match_scans(
        not. The whole is moved so that it begins at the start.
     """
     config = config or LocalizationConfig()
-    planar = match_to_map(scans, sway, config.matching, progress)
+    planar = match_to_map(scans, sway, progress)
     sigma = None if config.vibration is None else config.find_sway(float(scans.mount[2, 3]))
-    return _move_to_start(fuse_odometry(planar, scans.odometry, sigma, config.odometry), scans.start)
+    return _move_to_start(fuse_odometry(planar, scans.odometry, sigma, config.slip), scans.start)
 
 
 def find_pitch(
@@ -171,13 +166,13 @@ def find_pitch(
     0.8 mm, the optimal (Wiener) filter leaves 0.29 degrees; this leaves 0.30.
     """
     config = config or LocalizationConfig()
-    if height < config.min_height:
+    if height < _MIN_HEIGHT:
         return np.zeros(len(planar))
     ahead = np.stack([np.cos(planar[:, 2]), np.sin(planar[:, 2])], axis=1)
     lead = ((matched - planar)[:, :2] * ahead).sum(axis=1)
     sway = float(np.std(lead)) if config.vibration is None else config.find_sway(height)
-    share = sway**2 / (sway**2 + config.match_error**2)
-    return np.arcsin(np.clip(share * lead / height, -config.max_pitch, config.max_pitch))
+    share = sway**2 / (sway**2 + _MATCH_ERROR**2)
+    return np.arcsin(np.clip(share * lead / height, -_MAX_PITCH, _MAX_PITCH))
 
 
 def _move_to_start(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,7 +10,6 @@ from jaxtyping import Float
 from scipy.linalg import solveh_banded
 from scipy.spatial import KDTree
 
-from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.pose import (
@@ -38,76 +35,54 @@ _PROGRESS_INTERVAL = 50
 """Scans between two reports of progress."""
 
 
-@dataclass(frozen=True)
-class ScanMatchingConfig:
-    """How scans are matched to a map of themselves (`match_to_map`).
-
-    Attributes:
-        num_rounds: times that the map is made again from the matched scans; its loop closes in 8.
-        key_distance: a scan becomes part of the map where the robot has gone on by this [m], or
-        key_angle: has turned by this [rad].
-        max_keys: scans that the final map is made of, about: more take longer and change little.
-        first_reach: largest distance of a reading from its wall in the first pass [m]: the error of the odometry
-            between two scans and of the map so far.
-        reach: the same in later passes, where poses are good to centimeters [m].
-        map_cell: edge of the cells in which the readings of the map are averaged [m].
-        line_reach: points of the map within this distance [m] make a line.
-        line_points: points that make a line, where the noise is at most `line_noise`.
-        line_noise: noise of the readings [m] up to which walls are lines of `line_points`; noisier ones take more in
-            proportion.
-        max_flatness: points are on a line where their variance across it is less than this share of that along it.
-        min_line_readings: readings that a line has at least.
-        min_map_points: a map of fewer points is not used.
-        layer_height: the map has three layers, this far apart [m], so that a wall is a plane in 3-D as well.
-        normal_points: points that the normal of the map's planes is found from.
-        jump: see `find_jumps` [m]: readings on both sides of an edge are not used.
-        jump_per_meter: see `find_jumps`.
-        reading_noise: standard deviation of a reading in a match [m]: more than its noise, as the errors of
-            neighbors are correlated.
-        guess_distance: standard deviation of the position a match starts from [m]; it holds where walls in view
-            leave a direction open.
-        guess_angle: the same of its yaw [rad].
-        max_iterations: largest number of iterations of a match.
-        translation_tolerance: a match has converged where it moves by less [m] and
-        rotation_tolerance: turns by less [rad].
-    """
-
-    num_rounds: int = 8
-    key_distance: float = 0.4
-    key_angle: float = 0.35
-    max_keys: int = 400
-    first_reach: float = 0.15
-    reach: float = 0.06
-    map_cell: float = 0.03
-    line_reach: float = 0.15
-    line_points: int = 12
-    line_noise: float = 0.012
-    max_flatness: float = 0.05
-    min_line_readings: int = 3
-    min_map_points: int = 20
-    layer_height: float = 0.04
-    normal_points: int = 15
-    jump: float = 0.03
-    jump_per_meter: float = 0.004
-    reading_noise: float = 0.05
-    guess_distance: float = 0.01
-    guess_angle: float = 0.02
-    max_iterations: int = 15
-    translation_tolerance: float = 1e-4
-    rotation_tolerance: float = 1e-5
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not value > 0 and name not in ("num_rounds", "jump", "jump_per_meter"):
-                raise ScanError(f"{name} must be above 0, got {value}")
-            if not value >= 0:
-                raise ScanError(f"{name} must not be negative, got {value}")
-
-    @cached_property
-    def guess_information(self) -> Float[np.ndarray, "3 3"]:
-        """Inverse covariance of the pose a match starts from."""
-        distance, angle = 1 / self.guess_distance**2, 1 / self.guess_angle**2
-        return np.diag([distance, distance, angle])
+_NUM_ROUNDS = 8
+"""Times that the map is made again from the matched scans; its loop closes in 8."""
+_KEY_DISTANCE = 0.4
+"""A scan becomes part of the map where the robot has gone on by this [m], or."""
+_KEY_ANGLE = 0.35
+"""Has turned by this [rad]."""
+_MAX_KEYS = 400
+"""Scans that the final map is made of, about: more take longer and change little."""
+_FIRST_REACH = 0.15
+"""Largest distance of a reading from its wall in the first pass [m]: the error of the odometry between two
+scans and of the map so far."""
+_REACH = 0.06
+"""The same in later passes, where poses are good to centimeters [m]."""
+_MAP_CELL = 0.03
+"""Edge of the cells in which the readings of the map are averaged [m]."""
+_LINE_REACH = 0.15
+"""Points of the map within this distance [m] make a line."""
+_LINE_POINTS = 12
+"""Points that make a line, where the noise is at most `line_noise`."""
+_LINE_NOISE = 0.012
+"""Noise of the readings [m] up to which walls are lines of `line_points`; noisier ones take more in
+proportion."""
+_MAX_FLATNESS = 0.05
+"""Points are on a line where their variance across it is less than this share of that along it."""
+_MIN_LINE_READINGS = 3
+"""Readings that a line has at least."""
+_MIN_MAP_POINTS = 20
+"""A map of fewer points is not used."""
+_LAYER_HEIGHT = 0.04
+"""The map has three layers, this far apart [m], so that a wall is a plane in 3-D as well."""
+_NORMAL_POINTS = 15
+"""Points that the normal of the map's planes is found from."""
+_JUMP = 0.03
+"""See `find_jumps` [m]: readings on both sides of an edge are not used."""
+_JUMP_PER_METER = 0.004
+"""See `find_jumps`."""
+_READING_NOISE = 0.05
+"""Standard deviation of a reading in a match [m]: more than its noise, as the errors of neighbors are
+correlated."""
+_GUESS_INFORMATION = np.diag([0.01**-2, 0.01**-2, 0.02**-2])
+"""Inverse covariance of the pose a match starts from, 0.01 m and 0.02 rad; it holds where walls in view leave a
+direction open."""
+_MAX_ITERATIONS = 15
+"""Largest number of iterations of a match."""
+_TRANSLATION_TOLERANCE = 0.0001
+"""A match has converged where it moves by less [m] and."""
+_ROTATION_TOLERANCE = 1e-05
+"""Turns by less [rad]."""
 
 
 class _Map(NamedTuple):
@@ -120,7 +95,6 @@ class _Map(NamedTuple):
 def match_to_map(
     scans: HorizontalScans,
     sway: Float[np.ndarray, "S 2"] | None = None,
-    config: ScanMatchingConfig | None = None,
     progress: Progress = silent,
 ) -> Float[np.ndarray, "S 3"]:
     """Match horizontal scans to a map that is made of them, and return x, y, yaw.
@@ -131,22 +105,19 @@ def match_to_map(
     3. Every scan is matched to the final map.
     """
     require_extras("localizing a robot", "scan")
-    config = config or ScanMatchingConfig()
     num_scans = len(scans.ranges)
     if not num_scans:
         return np.empty((0, 3))
-    points = _find_wall_points(scans, config)
-    noise_factor = max(1.0, find_noise(scans.ranges) / config.line_noise)
-    planar = _follow(scans, points, noise_factor, config, progress)
-    keys = list(range(0, num_scans, max(1, num_scans // config.max_keys)))
-    for k in range(config.num_rounds):
-        target = _make_map(points, planar, keys, noise_factor, config)
-        planar[keys] = [_align(target, points[i], planar[i], config.reach, config) for i in keys]
-        progress("localizing: settling the map", _FIRST_PASS + _SETTLING * k / config.num_rounds)
-    target = _make_map(points, planar, keys, noise_factor, config)
-    planar = np.stack(
-        [_align(target, p, guess, config.reach, config) for p, guess in zip(points, planar, strict=True)]
-    )
+    points = _find_wall_points(scans)
+    noise_factor = max(1.0, find_noise(scans.ranges) / _LINE_NOISE)
+    planar = _follow(scans, points, noise_factor, progress)
+    keys = list(range(0, num_scans, max(1, num_scans // _MAX_KEYS)))
+    for k in range(_NUM_ROUNDS):
+        target = _make_map(points, planar, keys, noise_factor)
+        planar[keys] = [_align(target, points[i], planar[i], _REACH) for i in keys]
+        progress("localizing: settling the map", _FIRST_PASS + _SETTLING * k / _NUM_ROUNDS)
+    target = _make_map(points, planar, keys, noise_factor)
+    planar = np.stack([_align(target, p, guess, _REACH) for p, guess in zip(points, planar, strict=True)])
     if sway is not None:
         planar[:, :2] -= rotate_planar(sway, planar[:, 2])
     return planar
@@ -156,29 +127,28 @@ def _follow(
     scans: HorizontalScans,
     points: list[np.ndarray],
     noise_factor: float,
-    config: ScanMatchingConfig,
     progress: Progress,
 ) -> Float[np.ndarray, "S 3"]:
     """Match every scan to the map of the key scans before it."""
     num_scans = len(points)
     planar, keys = np.tile(scans.start, (num_scans, 1)), [0]
-    target = _make_map(points, planar, keys, noise_factor, config)
+    target = _make_map(points, planar, keys, noise_factor)
     for i in range(1, num_scans):
         step = find_planar_step(scans.odometry[i - 1], scans.odometry[i])
         guess = compose_planar(planar[i - 1], step)
-        planar[i] = _align(target, points[i], guess, config.first_reach, config)
+        planar[i] = _align(target, points[i], guess, _FIRST_REACH)
         gone = planar[i] - planar[keys[-1]]
-        if np.hypot(*gone[:2]) > config.key_distance or abs(gone[2]) > config.key_angle:
+        if np.hypot(*gone[:2]) > _KEY_DISTANCE or abs(gone[2]) > _KEY_ANGLE:
             keys.append(i)
-            target = _make_map(points, planar, keys, noise_factor, config)
+            target = _make_map(points, planar, keys, noise_factor)
         if i % _PROGRESS_INTERVAL == 0:
             progress("localizing: first pass", _FIRST_PASS * i / num_scans)
     return planar
 
 
-def _find_wall_points(scans: HorizontalScans, config: ScanMatchingConfig) -> list[np.ndarray]:
+def _find_wall_points(scans: HorizontalScans) -> list[np.ndarray]:
     """Return end points `[N, 2]` in the robot's plane, scan by scan, without those at edges."""
-    is_jump = find_jumps(scans.ranges, config.jump, config.jump_per_meter)
+    is_jump = find_jumps(scans.ranges, _JUMP, _JUMP_PER_METER)
     jumps = np.pad(is_jump, ((0, 0), (1, 1)), constant_values=True)
     good = np.isfinite(scans.ranges) & ~jumps[:, 1:] & ~jumps[:, :-1]
     beams = np.stack([np.cos(scans.angles), np.sin(scans.angles)], axis=1)
@@ -194,26 +164,25 @@ def _make_map(
     planar: Float[np.ndarray, "S 3"],
     keys: Sequence[int],
     noise_factor: float,
-    config: ScanMatchingConfig,
 ) -> _Map | None:
     """Average the readings of the key scans in cells, project them onto lines, find normals; None: nothing seen."""
     import small_gicp
 
     cloud = np.concatenate([transform_planar(points[k], planar[k]) for k in keys])
-    if len(cloud) < config.min_map_points:
+    if len(cloud) < _MIN_MAP_POINTS:
         return None
-    grid = np.floor(cloud / config.map_cell).astype(np.int64)
+    grid = np.floor(cloud / _MAP_CELL).astype(np.int64)
     grid -= grid.min(axis=0)
     _, index, counts = np.unique(
         grid[:, 0] * (grid[:, 1].max() + 1) + grid[:, 1], return_inverse=True, return_counts=True
     )
     means = np.stack([np.bincount(index, cloud[:, k]) / counts for k in range(2)], axis=1)
-    num_neighbors = round(config.line_points * noise_factor)
-    walls = _project_onto_lines(means, counts.astype(float), num_neighbors, config)
-    layers = (-config.layer_height, 0.0, config.layer_height)
+    num_neighbors = round(_LINE_POINTS * noise_factor)
+    walls = _project_onto_lines(means, counts.astype(float), num_neighbors)
+    layers = (-_LAYER_HEIGHT, 0.0, _LAYER_HEIGHT)
     raised = small_gicp.PointCloud(np.concatenate([np.c_[walls, np.full(len(walls), z)] for z in layers]))
     tree = small_gicp.KdTree(raised)
-    small_gicp.estimate_normals_covariances(raised, tree, num_neighbors=config.normal_points)
+    small_gicp.estimate_normals_covariances(raised, tree, num_neighbors=_NORMAL_POINTS)
     return _Map(raised, tree)
 
 
@@ -221,7 +190,6 @@ def _project_onto_lines(
     points: Float[np.ndarray, "N 2"],
     weights: Float[np.ndarray, " N"],
     num_neighbors: int,
-    config: ScanMatchingConfig,
 ) -> Float[np.ndarray, "M 2"]:
     """Project points onto the line through their neighbors, and drop those at corners.
 
@@ -229,7 +197,7 @@ def _project_onto_lines(
     """
     num_neighbors = min(num_neighbors, len(points))
     distance, near = KDTree(points).query(points, num_neighbors)
-    weight = weights[near] * (distance < config.line_reach)
+    weight = weights[near] * (distance < _LINE_REACH)
     total = weight.sum(axis=1)
     center = np.einsum("nk,nki->ni", weight, points[near]) / total[:, None]
     offset = points[near] - center[:, None]
@@ -237,8 +205,8 @@ def _project_onto_lines(
     values, vectors = np.linalg.eigh(covariance)
     normal = vectors[:, :, 0]
     projected = points - ((points - center) * normal).sum(axis=1, keepdims=True) * normal
-    is_line = (values[:, 0] < config.max_flatness * values[:, 1]) & (total >= config.min_line_readings)
-    return projected[is_line] if is_line.sum() >= config.min_map_points else projected
+    is_line = (values[:, 0] < _MAX_FLATNESS * values[:, 1]) & (total >= _MIN_LINE_READINGS)
+    return projected[is_line] if is_line.sum() >= _MIN_MAP_POINTS else projected
 
 
 def _align(
@@ -246,7 +214,6 @@ def _align(
     points: Float[np.ndarray, "N 2"],
     guess: Float[np.ndarray, " 3"],
     reach: float,
-    config: ScanMatchingConfig,
 ) -> Float[np.ndarray, " 3"]:
     """Match points to the map from a guess, which is kept where the walls in view leave a direction open.
 
@@ -264,14 +231,14 @@ def _align(
         make_pose(*guess),
         registration_type="PLANE_ICP",
         max_correspondence_distance=reach,
-        rotation_epsilon=config.rotation_tolerance,
-        translation_epsilon=config.translation_tolerance,
-        max_iterations=config.max_iterations,
+        rotation_epsilon=_ROTATION_TOLERANCE,
+        translation_epsilon=_TRANSLATION_TOLERANCE,
+        max_iterations=_MAX_ITERATIONS,
     )
     step = find_planar_step(guess, to_planar(result.T_target_source[None])[0])
     step[2] = (step[2] + np.pi) % (2 * np.pi) - np.pi
-    information = result.H[np.ix_(_PLANAR, _PLANAR)] / config.reading_noise**2
-    step = np.linalg.solve(information + config.guess_information, information @ step)
+    information = result.H[np.ix_(_PLANAR, _PLANAR)] / _READING_NOISE**2
+    step = np.linalg.solve(information + _GUESS_INFORMATION, information @ step)
     return compose_planar(guess, step)
 
 
@@ -283,41 +250,22 @@ _MIN_SQUARED_WAY = 1e-6
 """Least sum of squared ways [m^2] that a scale is found from: a robot that stands still has none."""
 
 
-@dataclass(frozen=True)
-class OdometryConfig:
-    """How far odometry is trusted (`fuse_odometry`).
-
-    Attributes:
-        yaw_noise: standard deviation of the matched yaw [rad], in a room of 10 m; smaller ones trust the matches more.
-        slip: standard deviation of the wheels' error after one meter [m] (and [rad]); it grows with the square root
-            of the way; larger values trust the matches more. None: estimated, for way and turns apart.
-        turn_way: way [m] that a turn of one radian counts as: the radius that the wheels turn on.
-        calibration_window: scans between the poses whose distances are compared to calibrate the wheels: many, as
-            matched and counted ways differ by the sway over a few.
-        max_scale_error: a scale that differs from 1 by more than this is not used: something else is wrong then.
-    """
-
-    yaw_noise: float = 0.0006
-    slip: float | None = None
-    turn_way: float = 0.2
-    calibration_window: int = 20
-    max_scale_error: float = 0.2
-
-    def __post_init__(self) -> None:
-        if self.slip is not None and not self.slip >= 0:
-            raise ScanError(f"slip must not be negative, got {self.slip}; None estimates it")
-        for name in ("yaw_noise", "turn_way", "max_scale_error"):
-            if not getattr(self, name) >= 0:
-                raise ScanError(f"{name} must not be negative, got {getattr(self, name)}")
-        if self.calibration_window < 1:
-            raise ScanError(f"calibration_window must be 1 or more, got {self.calibration_window}")
+_YAW_NOISE = 0.0006
+"""Standard deviation of the matched yaw [rad], in a room of 10 m; smaller ones trust the matches more."""
+_TURN_WAY = 0.2
+"""Way [m] that a turn of one radian counts as: the radius that the wheels turn on."""
+_CALIBRATION_WINDOW = 20
+"""Scans between the poses whose distances are compared to calibrate the wheels: many, as matched and counted
+ways differ by the sway over a few."""
+_MAX_SCALE_ERROR = 0.2
+"""A scale that differs from 1 by more than this is not used: something else is wrong then."""
 
 
 def fuse_odometry(
     planar: Float[np.ndarray, "S 3"],
     odometry: Float[np.ndarray, "S 3"],
     sway: float | None = None,
-    config: OdometryConfig | None = None,
+    slip: float | None = None,
 ) -> Float[np.ndarray, "S 3"]:
     """Smooth matched poses by the steps of the odometry.
 
@@ -325,20 +273,19 @@ def fuse_odometry(
     ``sum |x_i - z_i|^2 / sway^2 + sum |x_(i+1) - x_i - R(yaw_i) u_i|^2 / (slip^2 way_i)`` over all positions x, z
     the matched ones and u the steps of the wheels: a tridiagonal system, solved exactly. Likewise for yaw.
     """
-    config = config or OdometryConfig()
     if len(planar) < 3:
         return planar
     step, turn = np.diff(odometry[:, :2], axis=0), np.diff(odometry[:, 2])
-    turn *= _find_scale(planar[:, 2:], turn[:, None], config)
-    way = np.hypot(*step.T) + config.turn_way * np.abs(turn)
-    turn_slip, _ = _find_slip(planar[:, 2] - planar[0, 2] - _add_up(turn), way, config)
+    turn *= _find_scale(planar[:, 2:], turn[:, None])
+    way = np.hypot(*step.T) + _TURN_WAY * np.abs(turn)
+    turn_slip, _ = _find_slip(planar[:, 2] - planar[0, 2] - _add_up(turn), way, slip)
     variance = turn_slip**2 * way + _MIN_VARIANCE
-    yaw = _smooth_track(planar[:, 2:], turn[:, None], config.yaw_noise**2 / variance)[:, 0]
+    yaw = _smooth_track(planar[:, 2:], turn[:, None], _YAW_NOISE**2 / variance)[:, 0]
     step = rotate_planar(step, yaw[:-1] - odometry[:-1, 2])
-    step *= _find_scale(planar[:, :2], step, config)
+    step *= _find_scale(planar[:, :2], step)
     middle = yaw[:-1] + turn / 2
     ahead = ((np.diff(planar[:, :2], axis=0) - step) * np.c_[np.cos(middle), np.sin(middle)]).sum(axis=1)
-    slip, found = _find_slip(_add_up(ahead), way, config)
+    slip, found = _find_slip(_add_up(ahead), way, slip)
     variance = slip**2 * way + _MIN_VARIANCE
     sway = sway if sway is not None else found if np.isfinite(found) else _UNKNOWN_SWAY
     return np.c_[_smooth_track(planar[:, :2], step, sway**2 / variance), yaw]
@@ -350,25 +297,23 @@ def _add_up(steps: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N+1"]:
 
 
 def _find_slip(
-    error: Float[np.ndarray, " S"], way: Float[np.ndarray, " S-1"], config: OdometryConfig
+    error: Float[np.ndarray, " S"], way: Float[np.ndarray, " S-1"], given: float | None
 ) -> tuple[float, float]:
     """Return the slip that is given, else estimated, and the estimated error that does not grow with the way."""
     slip, rest = estimate_slip(error, _add_up(way))
-    return (slip if config.slip is None else config.slip), rest
+    return (slip if given is None else given), rest
 
 
-def _find_scale(
-    measured: Float[np.ndarray, "S D"], steps: Float[np.ndarray, "S-1 D"], config: OdometryConfig
-) -> float:
+def _find_scale(measured: Float[np.ndarray, "S D"], steps: Float[np.ndarray, "S-1 D"]) -> float:
     """Return the true way where the wheels count 1, by least squares over stretches of the track."""
-    window = config.calibration_window
+    window = _CALIBRATION_WINDOW
     counted = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
     if len(measured) <= 2 * window:
         return 1.0
     real, counted = measured[window:] - measured[:-window], counted[window:] - counted[:-window]
     total = float((counted * counted).sum())
     scale = float((real * counted).sum()) / total if total > _MIN_SQUARED_WAY else 1.0
-    return scale if abs(scale - 1) < config.max_scale_error else 1.0
+    return scale if abs(scale - 1) < _MAX_SCALE_ERROR else 1.0
 
 
 def _smooth_track(

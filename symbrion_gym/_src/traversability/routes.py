@@ -16,7 +16,6 @@ from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import find_hold
 
-_MAY_BE_ZERO = ("snap", "wall_cost", "slope_cost", "slip_cost")
 _SLIPPERY = 0.9
 """Ground with less than this share of the largest friction is slippery."""
 Place = Sequence[float] | np.ndarray
@@ -25,46 +24,46 @@ FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
 """From places on the ground [m] to whether the scanner saw each."""
 
 
+_AMPLE_ROOM = 2.0
+"""Start and goal are chosen where the distance from walls is this many times the body's reach, or among the
+half of the region with the most room."""
+_WALL_COST = 3.0
+"""Ground at the body's reach from walls costs this many times more per length than ground with ample room, so
+that paths keep off walls where they can."""
+_LEVEL = 0.5
+"""Start and goal are chosen where the ground around has no more than this share of the slope on which the
+body stays upright, or among the half of the region with the least."""
+_NUM_ENDS = 4000
+"""Places of which start and goal are chosen at most, evenly spread."""
+_SNAP = 0.0
+"""A given place is moved to drivable ground no farther away than this in plan [m], beside half a cell."""
+_STOREY = 0.25
+"""A given z is that of ground no farther above or below than this [m]; half a storey is more."""
+_LOOK_AHEAD = 0.3
+"""The start heads for the path this far ahead [m]."""
+
+
 @dataclass(frozen=True)
 class RouteConfig:
     """How a route is chosen.
 
     Attributes:
         max_length: a route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s.
-        ample_room: start and goal are chosen where the distance from walls is this many times the body's reach, or
-            among the half of the region with the most room.
-        wall_cost: ground at the body's reach from walls costs this many times more per length than ground with ample
-            room, so that paths keep off walls where they can.
         slope_cost: likewise ground as steep as the body climbs, against level ground; less slope costs less, by its
             square. Slippery ground that is steeper than tracks hold on it costs still more.
         slip_cost: ground without friction costs this many times more per length than the least slippery ground; what is
             between, in proportion: paths go around ice where they can.
-        level: start and goal are chosen where the ground around has no more than this share of the slope on which the
-            body stays upright, or among the half of the region with the least.
-        num_ends: places of which start and goal are chosen at most, evenly spread.
-        snap: a given place is moved to drivable ground no farther away than this in plan [m], beside half a cell.
-        storey: a given z is that of ground no farther above or below than this [m]; half a storey is more.
-        look_ahead: the start heads for the path this far ahead [m].
 
     Raises:
-        OptionError: a number is out of range.
     """
 
     max_length: float = 10.0
-    ample_room: float = 2.0
-    wall_cost: float = 3.0
     slope_cost: float = 3.0
     slip_cost: float = 6.0
-    level: float = 0.5
-    num_ends: int = 4000
-    snap: float = 0.0
-    storey: float = 0.25
-    look_ahead: float = 0.3
 
     def __post_init__(self) -> None:
-        names = [each.name for each in fields(self)]
-        check_positive(self, [name for name in names if name not in _MAY_BE_ZERO], OptionError)
-        check_not_negative(self, _MAY_BE_ZERO, OptionError)
+        check_positive(self, ["max_length"], OptionError)
+        check_not_negative(self, ["slope_cost", "slip_cost"], OptionError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +148,9 @@ def find_drivable_place(
     usable = np.flatnonzero(is_usable)
     offset = ground.positions[usable] - np.append(point, 0.0)[:3]
     flat = np.abs(offset[:, :2]).max(axis=1)
-    is_near = flat <= ground.grid.cell / 2 * (1 + 1e-9) + config.snap
+    is_near = flat <= ground.grid.cell / 2 * (1 + 1e-9) + _SNAP
     if len(point) == 3:
-        is_near &= np.abs(offset[:, 2]) <= config.storey
+        is_near &= np.abs(offset[:, 2]) <= _STOREY
     if is_near.any():
         near = usable[is_near]
         if len(point) == 3:
@@ -186,13 +185,13 @@ def _make_cost_graph(
 ) -> csr_matrix:
     """Return the graph of drivable places; its lengths are longer near walls, on slopes and on slippery ground."""
     graph = ground.find_graph(ground.is_drivable).tocoo()
-    ample = config.ample_room * max(ground.footprint.reach, ground.grid.cell)
+    ample = _AMPLE_ROOM * max(ground.footprint.reach, ground.grid.cell)
     nearness = np.clip(1.0 - (ground.wall_distance - ground.footprint.reach) / ample, 0.0, 1.0)
     slope, is_slippery = np.nan_to_num(ground.slope), find_slippery(friction)
     steepness = np.clip(slope / ground.footprint.max_slope, 0.0, 1.0) ** 2
     steepness = np.where(is_slippery, np.maximum(steepness, (slope / find_hold(friction)) ** 2), steepness)
     slip = 1.0 - friction / friction.max(initial=0.0)
-    cost = config.wall_cost * nearness + config.slope_cost * steepness + config.slip_cost * slip
+    cost = _WALL_COST * nearness + config.slope_cost * steepness + config.slip_cost * slip
     factor = 1.0 + (cost[graph.row] + cost[graph.col]) / 2
     return csr_matrix((graph.data * factor, (graph.row, graph.col)), graph.shape)
 
@@ -238,13 +237,13 @@ def _find_good_ends(
     find_seen: FindSeen | None,
 ) -> Int[np.ndarray, " N"]:
     """Return places with room around them, on level ground, that the scanner saw, as far as there are such."""
-    ample = config.ample_room * ground.footprint.reach
+    ample = _AMPLE_ROOM * ground.footprint.reach
     is_good = inside & (ground.wall_distance >= min(ample, np.median(ground.wall_distance[inside])))
     slope = _find_steepest(ground)
-    level = config.level * ground.footprint.max_roll
+    level = _LEVEL * ground.footprint.max_roll
     is_good &= slope <= max(level, np.median(slope[is_good]))
     good = np.flatnonzero(is_good)
-    good = good[np.unique(np.linspace(0, len(good) - 1, min(len(good), config.num_ends)).astype(np.int64))]
+    good = good[np.unique(np.linspace(0, len(good) - 1, min(len(good), _NUM_ENDS)).astype(np.int64))]
     is_seen = find_seen(ground.positions[good]) if find_seen is not None else np.zeros(len(good), dtype=bool)
     return good[is_seen] if is_seen.any() else good
 
@@ -277,7 +276,7 @@ def _make_route(
     points: Float[np.ndarray, "W 3"], clearance: float, region: int, config: RouteConfig
 ) -> DrivingRoute:
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    ahead = points[min(np.searchsorted(travelled, config.look_ahead), len(points) - 1)] - points[0]
+    ahead = points[min(np.searchsorted(travelled, _LOOK_AHEAD), len(points) - 1)] - points[0]
     (start_x, start_y, start_z), (goal_x, goal_y, goal_z) = points[[0, -1]].tolist()
     return DrivingRoute(
         start=(start_x, start_y, start_z),

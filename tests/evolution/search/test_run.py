@@ -40,7 +40,7 @@ def test_a_folder_holds_what_it_promises(folder):
     assert content["config"]["modules"] == 8
     assert {"python", "numpy", "cma", "mujoco"} <= set(content["versions"])
     header, *rows = (folder / "history.csv").read_text().splitlines()
-    assert header.startswith("generation,evaluations,wall_seconds,stage,best,median,sigma,successes")
+    assert header.startswith("generation,evaluations,wall_seconds,best,median,sigma,successes")
     assert len(rows) == 3
     assert load_champion(folder) == load_champion(folder / "champion.json") == load_run(folder).champion
 

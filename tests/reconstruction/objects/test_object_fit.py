@@ -125,7 +125,7 @@ def test_meshes_that_are_no_objects_are_refused(mesh, words):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"spacing": 0.0}, {"noise": -1.0}, {"min_score": 1.5}, {"min_beams": 0}, {"sampling": 2.0}]
+    "wrong", [{"tolerance": 0.0}, {"noise": -1.0}, {"min_score": 1.5}]
 )
 def test_numbers_out_of_range_are_refused(wrong):
     with pytest.raises(ReconstructionError, match=next(iter(wrong))):

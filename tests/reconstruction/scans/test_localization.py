@@ -15,7 +15,6 @@ from reconstruction._src.scans.localization import (
     measure_localization,
 )
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
-from reconstruction._src.scans.scan_matching import OdometryConfig, ScanMatchingConfig
 from reconstruction._src.scans.smoothing import NoisePriors
 
 ANGLES = np.radians(np.linspace(-90, 90, 181))
@@ -124,8 +123,7 @@ def test_the_settings_are_used():
     log = ScanLog(np.ones((40, 3)), np.zeros(3), make_pose(*true.T), horizontal=raised)
     poses = localize(log).poses
     for config in (
-        LocalizationConfig(matching=ScanMatchingConfig(num_rounds=1)),
-        LocalizationConfig(odometry=OdometryConfig(slip=0.05)),
+        LocalizationConfig(slip=0.05),
         LocalizationConfig(vibration=0.1),
     ):
         other = localize(log, config=config).poses
@@ -135,7 +133,7 @@ def test_the_settings_are_used():
 def test_stated_priors_are_those_of_the_settings():
     scans, true = make_drive(num_scans=40)
     log = ScanLog(np.ones((40, 3)), np.zeros(3), make_pose(*true.T), horizontal=scans)
-    settings = LocalizationConfig(vibration=0.02, odometry=OdometryConfig(slip=0.03))
+    settings = LocalizationConfig(vibration=0.02, slip=0.03)
     stated = localize(log, priors=NoisePriors(slip=0.03, shake=0.02))
     np.testing.assert_array_equal(stated.poses, localize(log, config=settings).poses)
 
@@ -144,11 +142,7 @@ def test_stated_priors_are_those_of_the_settings():
     ("config", "options", "reason"),
     [
         (LocalizationConfig, {"vibration": 0.0}, "vibration must be above 0"),
-        (LocalizationConfig, {"max_pitch": 1.5}, "max_pitch"),
-        (ScanMatchingConfig, {"reach": 0.0}, "reach must be above 0"),
-        (ScanMatchingConfig, {"num_rounds": -1}, "num_rounds must not be negative"),
-        (OdometryConfig, {"slip": -1.0}, "slip must not be negative"),
-        (OdometryConfig, {"calibration_window": 0}, "calibration_window"),
+        (LocalizationConfig, {"slip": -1.0}, "slip must not be negative"),
     ],
 )
 def test_settings_out_of_range_are_refused(config, options, reason):

@@ -5,7 +5,7 @@ import pytest
 
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans.leveling import LevelingConfig, use_priors
-from reconstruction._src.scans.scan_matching import OdometryConfig, fuse_odometry
+from reconstruction._src.scans.scan_matching import fuse_odometry
 from reconstruction._src.scans.smoothing import (
     UNKNOWN_SHAKE,
     UNKNOWN_SLIP,
@@ -44,7 +44,7 @@ def test_short_logs_tell_nothing():
 def test_a_stated_slip_is_used():
     wheels = np.stack([np.linspace(0, 3, 300), np.zeros(300), np.zeros(300)], axis=1)
     matched = wheels + [0.004, 0.0, 0.0] * np.random.default_rng(0).standard_normal((300, 3))
-    smooth = [fuse_odometry(matched, wheels, 0.004, OdometryConfig(slip=s)) for s in (0.001, 0.05)]
+    smooth = [fuse_odometry(matched, wheels, 0.004, s) for s in (0.001, 0.05)]
     rough = [np.abs(np.diff(track[:, 0], 2)).mean() for track in smooth]
     assert rough[0] < rough[1] / 2
 

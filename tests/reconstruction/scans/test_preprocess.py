@@ -324,13 +324,9 @@ def test_options_of_a_step_replace_those_of_its_settings():
     [
         (LevelingConfig, {"max_tilt": 0.0}, "max_tilt"),
         (LevelingConfig, {"tolerance": -1.0}, "tolerance must be above 0"),
-        (LevelingConfig, {"min_distance": -1.0}, "min_distance"),
-        (LevelingConfig, {"num_bins": 0}, "num_bins"),
         (SmoothingConfig, {"window": 4}, "window"),
         (SmoothingConfig, {"crease": np.nan}, "crease must not be negative"),
-        (SparsePointsConfig, {"cell": 0.0}, "cell must be above 0"),
         (SparsePointsConfig, {"max_share": -0.1}, "max_share"),
-        (SparsePointsConfig, {"cell_growth": 1.0}, "cell_growth"),
         (SparsePointsConfig, {"threshold": 0}, "threshold"),
     ],
 )

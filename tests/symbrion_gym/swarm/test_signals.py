@@ -150,8 +150,6 @@ def test_refusals():
         signals.exchange(send(1, messages=[(0, FRONT, -2)]))
     for options in (
         {"gain": 0.0},
-        {"side_share": 1.5},
-        {"capture": 0.5},
         {"noise": -1.0},
         {"message_loss": 2.0},
     ):

@@ -121,7 +121,7 @@ def test_no_ground_for_a_large_body(room):
         room.find_route(Footprint(radius=2.0))
 
 
-@pytest.mark.parametrize("fields", [{"max_length": 0.0}, {"snap": -1.0}, {"storey": np.inf}])
+@pytest.mark.parametrize("fields", [{"max_length": 0.0}, {"slope_cost": -1.0}])
 def test_impossible_configurations_are_refused(fields):
     with pytest.raises(OptionError, match="must be"):
         RouteConfig(**fields)

@@ -12,7 +12,7 @@ the edges shrink. `mode="paper"` has the sequential rules (`paper`).
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -21,7 +21,6 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.changes.free_space import widen
 from reconstruction._src.geometry.rows import find_lengths, sum_rows
 from reconstruction._src.networks.growing_grid import paper as grid_paper
@@ -34,7 +33,6 @@ from reconstruction._src.networks.growing_grid.growth import (
     start_grid,
 )
 from reconstruction._src.networks.growing_grid.learning import (
-    MAX_ITERATIONS,
     choose_num_samples,
     choose_sigmas,
     find_capacity,
@@ -47,7 +45,7 @@ from reconstruction._src.networks.growing_grid.mesh import (
     untangle_sheet,
 )
 from reconstruction._src.networks.least_squares import FitConfig
-from reconstruction._src.networks.som.density import DensityConfig, measure_density
+from reconstruction._src.networks.som.density import measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
 
 _FREE_RINGS = 2
@@ -56,6 +54,30 @@ _REACH = 2.0
 """A point is reached where a unit lies within this many median sides of the grid."""
 _REACHED = 0.99
 """A sheet that reaches a smaller share of the points is grown again."""
+
+
+_GROWTH = 6.0
+"""Factor on the number of units in a round of the growth phase."""
+_SAMPLES_PER_UNIT = 20
+"""Points used while growing, for each unit."""
+_ITERATIONS = 3
+"""Batch steps a round."""
+_FIRST_ITERATIONS = 10
+"""Batch steps a round while the grid is small: it settles its direction then."""
+_START_SIGMA = 0.3
+"""Width of the neighborhood of the first four units, in grid steps."""
+_SIGMA = 0.9
+"""Width of the neighborhood while growing, in grid steps."""
+_MAX_SIGMA_SHARE = 0.2
+"""The width is at most this share of the shorter side of the grid, or a small grid would shrink."""
+_FIT_SAMPLES_PER_UNIT = 200
+"""Points used by the final fit, for each unit."""
+_FINAL_FIT = FitConfig(stiffness=0.03, step_limit=0.5, reach=4.0)
+"""The final fit; its lengths are in grid steps."""
+_SIGNALS_PER_UNIT = 30
+"""Signals between two insertions, for each unit (paper mode; lambda_g)."""
+_FINE_SIGNALS_PER_UNIT = 100
+"""Signals of the fine-tuning, for each unit (paper mode; lambda_f)."""
 
 
 @dataclass(frozen=True)
@@ -70,44 +92,12 @@ class GrowingGridConfig:
             won most (the paper's); "distant": between the unit that won most and its farthest neighbor
             (Fritzke's, and what "longest" means in paper mode).
         mode: "batch", or "paper" for the sequential rules.
-        growth: factor on the number of units in a round of the growth phase.
-        samples_per_unit: points used while growing, for each unit.
-        iterations: batch steps a round.
-        first_iterations: batch steps a round while the grid is small: it settles its direction then.
-        start_sigma: width of the neighborhood of the first four units, in grid steps.
-        sigma: width of the neighborhood while growing, in grid steps.
-        max_sigma_share: the width is at most this share of the shorter side of the grid, or a small grid would shrink.
-        fit_sigmas: width of the neighborhood in each iteration of the final fit, by default selected by the
-            number of samples a unit; below 0.5 the sheet folds.
-        fit_samples_per_unit: points used by the final fit, for each unit.
-        stiffness: unwillingness to slide within the surface in the final fit.
-        step_limit: longest step of a unit in one iteration of the final fit, in grid steps.
-        reach: points farther from the sheet than this, in grid steps, do not belong to it.
-        signals_per_unit: signals between two insertions, for each unit (paper mode; lambda_g).
-        fine_signals_per_unit: signals of the fine-tuning, for each unit (paper mode; lambda_f).
-        density: how outliers are found.
-        cover: which cells lie over a hole.
     """
 
     units: int = 2200
     triangles: int | None = None
     insertion: Insertion | None = None
     mode: Literal["batch", "paper"] = "batch"
-    growth: float = 6.0
-    samples_per_unit: int = 20
-    iterations: int = 3
-    first_iterations: int = 10
-    start_sigma: float = 0.3
-    sigma: float = 0.9
-    max_sigma_share: float = 0.2
-    fit_sigmas: tuple[float, ...] | None = None
-    fit_samples_per_unit: int = 200
-    stiffness: float = 0.03
-    step_limit: float = 0.5
-    reach: float = 4.0
-    signals_per_unit: int = 30
-    fine_signals_per_unit: int = 100
-    density: DensityConfig = field(default_factory=DensityConfig)
 
     def __post_init__(self) -> None:
         if self.triangles is not None and self.triangles < 2:
@@ -120,23 +110,11 @@ class GrowingGridConfig:
             )
         if self.mode not in ("batch", "paper"):
             raise ReconstructionError(f"mode must be 'batch' or 'paper', got {self.mode!r}")
-        if self.fit_sigmas is not None and not 0 < len(self.fit_sigmas) <= MAX_ITERATIONS:
-            raise ReconstructionError(
-                f"fit_sigmas must be 1 to {MAX_ITERATIONS} widths, got {len(self.fit_sigmas)}"
-            )
-        if not self.growth > 1:
-            raise ReconstructionError(f"growth must be above 1, got {self.growth}")
-        check_all_positive(self, may_be_zero=("stiffness", "fine_signals_per_unit"))
 
     @property
     def rule(self) -> Insertion:
         """The insertion rule: the one asked for, or the mode's own."""
         return self.insertion or ("longest" if self.mode == "batch" else "counter")
-
-    @property
-    def fit_config(self) -> FitConfig:
-        """The final fit; its lengths are in grid steps."""
-        return FitConfig(stiffness=self.stiffness, step_limit=self.step_limit, reach=self.reach)
 
     @property
     def wanted_units(self) -> int:
@@ -220,8 +198,8 @@ def _train(
             config.wanted_units,
             config.triangles,
             config.rule,
-            config.signals_per_unit,
-            config.fine_signals_per_unit,
+            _SIGNALS_PER_UNIT,
+            _FINE_SIGNALS_PER_UNIT,
             rng,
             progress,
         )
@@ -249,7 +227,7 @@ def _train_batch(
 ) -> Float[np.ndarray, "R C 3"]:
     """Drop outliers, grow or go on from a start, fit."""
     tiles = make_tiles(points)
-    is_sound = measure_density(points, tiles.tree, rng, config.density).weights > 0
+    is_sound = measure_density(points, tiles.tree, rng).weights > 0
     if not is_sound.all():
         points = points[is_sound]
         tiles = make_tiles(points)
@@ -260,12 +238,12 @@ def _train_batch(
     else:
         units, is_movable = start.units.astype(np.float32), start.is_movable
         wanted = units.shape[0] * units.shape[1]
-        samples = sort(choose_num_samples(len(points), config.samples_per_unit * wanted))
-        units, _ = learn(samples, units, config.sigma, config.first_iterations, wanted, is_movable)
+        samples = sort(choose_num_samples(len(points), _SAMPLES_PER_UNIT * wanted))
+        units, _ = learn(samples, units, _SIGMA, _FIRST_ITERATIONS, wanted, is_movable)
     progress("fit", 0.8)
-    number = choose_num_samples(len(points), config.fit_samples_per_unit * wanted)
-    sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
-    return fit_grid(sort(number), units, sigmas, config.fit_config, wanted, is_movable)[0]
+    number = choose_num_samples(len(points), _FIT_SAMPLES_PER_UNIT * wanted)
+    sigmas = choose_sigmas(number / wanted)
+    return fit_grid(sort(number), units, sigmas, _FINAL_FIT, wanted, is_movable)[0]
 
 
 def _grow(
@@ -277,8 +255,8 @@ def _grow(
     """Grow from 2 x 2 to the wanted number of units."""
     wanted = config.wanted_units
     first = sort(choose_num_samples(len(points), 1))
-    units, counts = learn(first, start_grid(points), config.start_sigma, iterations=1)
-    num_rounds = max(1, int(np.ceil(np.log(wanted / 4) / np.log(config.growth))))
+    units, counts = learn(first, start_grid(points), _START_SIGMA, iterations=1)
+    num_rounds = max(1, int(np.ceil(np.log(wanted / 4) / np.log(_GROWTH))))
     for current in range(1, num_rounds + 1):
         progress("grow", 0.8 * (current - 1) / num_rounds)
         goal = round(4 * (wanted / 4) ** (current / num_rounds))
@@ -291,10 +269,10 @@ def _grow(
         units = insert_lines(units.swapaxes(0, 1), columns).swapaxes(0, 1)
         capacity = find_capacity(goal)
         units, counts = learn(
-            sort(choose_num_samples(len(points), config.samples_per_unit * capacity)),
+            sort(choose_num_samples(len(points), _SAMPLES_PER_UNIT * capacity)),
             units,
-            sigma=min(config.sigma, config.max_sigma_share * min(shape)),
-            iterations=config.first_iterations if capacity <= MAX_CANDIDATES else config.iterations,
+            sigma=min(_SIGMA, _MAX_SIGMA_SHARE * min(shape)),
+            iterations=_FIRST_ITERATIONS if capacity <= MAX_CANDIDATES else _ITERATIONS,
             goal=goal,
         )
     return units

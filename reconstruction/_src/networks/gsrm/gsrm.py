@@ -9,7 +9,7 @@ at once and made a two-manifold (`topology`), and the finished mesh is fitted to
 (`surface_fit`). `mode="paper"` has the literal sequential rules (`paper`).
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,7 +18,6 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.changes.free_space import widen
 from reconstruction._src.geometry.rows import sum_rows
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
@@ -27,7 +26,7 @@ from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
 from reconstruction._src.networks.gsrm.support import make_support
 from reconstruction._src.networks.gsrm.topology import learn_faces
 from reconstruction._src.networks.least_squares import FitConfig
-from reconstruction._src.networks.som.density import Density, DensityConfig, measure_density
+from reconstruction._src.networks.som.density import Density, measure_density
 from reconstruction._src.networks.som.winners import Tiles, make_tiles, search_all
 from reconstruction._src.networks.surface_fit import fit_surface
 from reconstruction._src.surfaces.edge_flips import flip_edges
@@ -41,65 +40,49 @@ _COVER = 1.25
 """A sample farther than this many spacings of the held units from all old ones is uncovered."""
 
 
+_GROWTH = 2.0
+"""Factor on the number of units in one round."""
+_START_SHARE = 0.25
+"""Share of the units that are drawn among the samples, the others grow; at least three."""
+_SAMPLES_PER_UNIT = 8
+"""Samples of a round, for each unit wanted; settling uses twice as many, topology and the final fit all."""
+_SETTLE_PASSES = 4
+"""Passes of all units through their samples once they are complete."""
+_START_DISTANCE = 1.4
+"""In an uneven cloud no unit starts nearer to another than this many sample spacings; with less, scan lines
+get too many units."""
+_START_NEIGHBORS = 8
+"""Nearest units from which a starting unit keeps that distance."""
+_SPLIT_RADIUS = 1.05
+"""A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole. Units of a
+hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing."""
+_DENSE_FIT = 40
+"""From this many samples a unit on, the mesh is first fitted to few of them."""
+_COARSE_SAMPLES = 24
+"""Samples a unit of that first fit: creases need iterations, accuracy needs samples."""
+_COARSE_ITERATIONS = 3
+"""Iterations of that first fit."""
+_SURFACE_FIT = FitConfig()
+
+
 @dataclass(frozen=True)
 class GSRMConfig:
-    """How a map grows; there are no lengths among the parameters, so that the scale of the cloud is free.
+    """How a map grows; the scale of the cloud is free.
 
     Attributes:
         units: units wanted. Where the samples are too sparse for them (units nearer to one another than
             two sample spacings), the map stops growing earlier.
         mode: "batch", or "paper" for the sequential rules.
-        growth: factor on the number of units in one round.
-        start_share: share of the units that are drawn among the samples, the others grow; at least three.
-        samples_per_unit: samples of a round, for each unit wanted; settling uses twice as many, topology
-            and the final fit all.
-        settle_passes: passes of all units through their samples once they are complete.
-        fit: whether the finished mesh is fitted to the samples by least squares.
-        start_distance: in an uneven cloud no unit starts nearer to another than this many sample spacings; with less,
-            scan lines get too many units.
-        start_neighbors: nearest units from which a starting unit keeps that distance.
-        split_radius: a cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole.
-            Units of a hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing.
-        dense_fit: from this many samples a unit on, the mesh is first fitted to few of them.
-        coarse_samples: samples a unit of that first fit: creases need iterations, accuracy needs samples.
-        coarse_iterations: iterations of that first fit.
-        density: how the spacing of the samples is measured and outliers are found.
-        topology: how faces are learned.
-        surface_fit: how the mesh is fitted to the samples.
-        completion: how what is left uncovered in an uneven cloud is found and covered.
     """
 
     units: int = 2200
     mode: Literal["batch", "paper"] = "batch"
-    growth: float = 2.0
-    start_share: float = 0.25
-    samples_per_unit: int = 8
-    settle_passes: int = 4
-    fit: bool = True
-    start_distance: float = 1.4
-    start_neighbors: int = 8
-    split_radius: float = 1.05
-    dense_fit: int = 40
-    coarse_samples: int = 24
-    coarse_iterations: int = 3
-    density: DensityConfig = field(default_factory=DensityConfig)
-    surface_fit: FitConfig = field(default_factory=FitConfig)
 
     def __post_init__(self) -> None:
         if self.units < 4:
             raise ReconstructionError(f"units must be at least 4, got {self.units}")
         if self.mode not in ("batch", "paper"):
             raise ReconstructionError(f"mode must be 'batch' or 'paper', got {self.mode!r}")
-        if not self.growth > 1:
-            raise ReconstructionError(f"growth must be above 1, got {self.growth}")
-        if not 0 <= self.start_share <= 1:
-            raise ReconstructionError(f"start_share must lie between 0 and 1, got {self.start_share}")
-        if self.samples_per_unit < 1 or self.settle_passes < 1:
-            raise ReconstructionError(
-                "samples_per_unit and settle_passes must be at least 1, got "
-                f"{self.samples_per_unit} and {self.settle_passes}"
-            )
-        check_all_positive(self, may_be_zero=("start_share", "start_distance", "split_radius"))
 
 
 class State(NamedTuple):
@@ -182,7 +165,7 @@ def _train_batch(
     """Grow, learn the topology, fit; all in units of the cloud's size."""
     progress("sort the samples", 0.0)
     tiles = make_tiles(samples)
-    density = measure_density(samples, tiles.tree, rng, config.density)
+    density = measure_density(samples, tiles.tree, rng)
     progress("grow", 0.1)
     units = _grow(tiles, density, old, config.units, config, rng)
     progress("learn the topology", 0.5)
@@ -221,10 +204,10 @@ def _grow(
         np.concatenate([held, start]),
         len(held) + num_units,
         num_held=len(held),
-        growth=config.growth,
-        samples_per_unit=config.samples_per_unit,
-        settle_passes=config.settle_passes,
-        split_radius=config.split_radius,
+        growth=_GROWTH,
+        samples_per_unit=_SAMPLES_PER_UNIT,
+        settle_passes=_SETTLE_PASSES,
+        split_radius=_SPLIT_RADIUS,
         rng=rng,
     )
 
@@ -250,7 +233,7 @@ def _complete(
         if number < _MIN_MAP:
             break
         tiles = make_tiles(rest)
-        density = measure_density(rest, tiles.tree, rng, replace(config.density, num_passes=0))
+        density = measure_density(rest, tiles.tree, rng, has_outliers=False)
         grown = _grow(tiles, density, None, number, config, rng)
         added, between = _learn_surface(make_level(tiles, density), grown, None, config, silent)
         if len(between) == 0:
@@ -269,13 +252,13 @@ def _draw_start(
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "U 3"]:
     """Draw the first units among the samples, fewer than the share of them where samples are too sparse."""
-    number = max(3, int(config.start_share * num_units))
+    number = max(3, int(_START_SHARE * num_units))
     usable = np.flatnonzero(density.weights)
     drawn = rng.choice(usable, min(number, len(usable)), replace=False)
-    units, apart = samples[drawn], config.start_distance * density.spacing[drawn]
-    if np.ptp(density.spacing) == 0 or len(units) <= config.start_neighbors:
+    units, apart = samples[drawn], _START_DISTANCE * density.spacing[drawn]
+    if np.ptp(density.spacing) == 0 or len(units) <= _START_NEIGHBORS:
         return units
-    distances, others = cKDTree(units).query(units, k=[*range(1, config.start_neighbors + 1)])
+    distances, others = cKDTree(units).query(units, k=[*range(1, _START_NEIGHBORS + 1)])
     is_crowded = ((others < np.arange(len(units))[:, None]) & (distances < apart[:, None])).any(axis=1)
     is_crowded[:3] = False
     return units[~is_crowded]
@@ -295,13 +278,12 @@ def _learn_surface(
     place = np.full(len(units), -1, dtype=np.int32)
     place[used] = np.arange(len(used), dtype=np.int32)
     units, faces = units[used].astype(np.float64), flat.reshape(-1, 3)
-    if config.fit:
-        progress("fit the surface", 0.8)
-        first = place[winners[..., 0]]
-        is_used &= first >= 0
-        samples, weights = level.tiles.samples[is_used], level.weights[is_used]
-        is_movable = None if old is None else used >= len(old.held)
-        units, faces = _fit(units, faces, samples, first[is_used], weights, is_movable, config)
+    progress("fit the surface", 0.8)
+    first = place[winners[..., 0]]
+    is_used &= first >= 0
+    samples, weights = level.tiles.samples[is_used], level.weights[is_used]
+    is_movable = None if old is None else used >= len(old.held)
+    units, faces = _fit(units, faces, samples, first[is_used], weights, is_movable, config)
     return units, faces
 
 
@@ -320,8 +302,8 @@ def _fit(
     the noise. Between the iterations edges turn along the creases that have come out.
     """
     per_unit = len(samples) / len(units)
-    coarse = (config.coarse_iterations, max(1, int(per_unit / config.coarse_samples)))
-    for iterations, stride in (coarse if per_unit >= config.dense_fit else (1, 1), (1, 1)):
+    coarse = (_COARSE_ITERATIONS, max(1, int(per_unit / _COARSE_SAMPLES)))
+    for iterations, stride in (coarse if per_unit >= _DENSE_FIT else (1, 1), (1, 1)):
         units = fit_surface(
             units,
             faces,
@@ -330,7 +312,7 @@ def _fit(
             winners=winners[::stride],
             weights=weights[::stride],
             is_movable=is_movable,
-            config=config.surface_fit,
+            config=_SURFACE_FIT,
         )
         faces = flip_edges(units, faces)
     return untangle(units, faces)

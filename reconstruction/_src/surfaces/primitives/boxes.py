@@ -10,7 +10,12 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import find_vertex_normals, group_sides
-from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
+from reconstruction._src.surfaces.primitives.primitive import (
+    MAX_EXPOSED,
+    MIN_COVERED,
+    Primitive,
+    PrimitivesConfig,
+)
 
 _RIGHT = 0.07
 """Sine of the angle by which two sides may be off a right angle, or a side off its axis."""
@@ -124,9 +129,9 @@ class Surface:
 
     def is_closed_by(self, shape: Primitive, area: float, tolerance: float, config: PrimitivesConfig) -> bool:
         """Return whether faces cover enough of a closed shape, and all of it lies on the surface or behind it."""
-        if area < config.min_covered * float(shape.as_mesh().area):
+        if area < MIN_COVERED * float(shape.as_mesh().area):
             return False
-        return self.find_exposed(shape, tolerance) <= config.max_exposed
+        return self.find_exposed(shape, tolerance) <= MAX_EXPOSED
 
     def find_exposed(self, shape: Primitive, tolerance: float) -> float:
         """Return the share of a closed shape that neither lies on the surface nor behind it.

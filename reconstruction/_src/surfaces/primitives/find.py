@@ -16,7 +16,24 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import find_smallest_rectangle
 from reconstruction._src.surfaces.primitives.boxes import Side, Surface, propose_boxes
-from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig, take_out
+from reconstruction._src.surfaces.primitives.primitive import (
+    APART,
+    CELL,
+    FEWEST,
+    HOLLOW,
+    MARGIN,
+    MAX_OPEN,
+    MAX_RECTANGLES,
+    MIN_COVER,
+    MIN_RECTANGLE,
+    MIN_RECTANGLE_HOLLOW,
+    REACH,
+    THICKNESS,
+    TOLERANCE_LIMITS,
+    Primitive,
+    PrimitivesConfig,
+    take_out,
+)
 from reconstruction._src.surfaces.primitives.ransac import FoundShape, estimate_noise, find_shapes
 
 _TRIMMED = 0.5
@@ -189,19 +206,19 @@ class Primitives(NamedTuple):
         """Return the corners of the triangles that no primitive replaces [m], in parts."""
         corners = np.asarray(mesh.triangles, dtype=np.float64)
         for shape in self.shapes:
-            corners = take_out(corners, shape, self.tolerance, self.config.margin)
+            corners = take_out(corners, shape, self.tolerance, MARGIN)
         if not len(corners):
             return []
         config = self.config
         if not is_hollow(mesh, config):
             return [corners]
-        return split_rest(corners, self.shapes, config.reach, config.apart, config.fewest)
+        return split_rest(corners, self.shapes, REACH, APART, FEWEST)
 
 
 def is_hollow(mesh: trimesh.Trimesh, config: PrimitivesConfig) -> bool:
     """Return whether a surface is around free space, as a room, and not open ground."""
     x, y, z = mesh.extents
-    return float(mesh.area) > config.hollow * float(x * y + y * z + z * x)
+    return float(mesh.area) > HOLLOW * float(x * y + y * z + z * x)
 
 
 def find_primitives(
@@ -221,7 +238,7 @@ def find_primitives(
         )
     tolerance = config.tolerance
     if tolerance is None:
-        tolerance = float(np.clip(_NOISES * estimate_noise(vertices, faces), *config.tolerance_limits))
+        tolerance = float(np.clip(_NOISES * estimate_noise(vertices, faces), *TOLERANCE_LIMITS))
     shapes = find_shapes(vertices, faces, tolerance, config, np.random.default_rng(seed))
     surface, corners = Surface(vertices, faces), vertices[faces]
     solids = []
@@ -232,7 +249,7 @@ def find_primitives(
                 solids.append(closed)
     flat = [shape for shape in shapes if shape.shape.kind == "plane"]
     boxes, used = _find_boxes(flat, corners, surface, tolerance, config)
-    share = config.min_rectangle_hollow if is_hollow(mesh, config) else config.min_rectangle
+    share = MIN_RECTANGLE_HOLLOW if is_hollow(mesh, config) else MIN_RECTANGLE
     least = share * float(mesh.area)
     planes = [
         one
@@ -250,7 +267,7 @@ def find_primitives(
     planes.sort(key=lambda one: -float(one.half_sizes[0] * one.half_sizes[1]))
     found = Primitives([*boxes, *solids, *planes], tolerance, config)
     left = sum(float(trimesh.triangles.area(part).sum()) for part in found.find_rest(mesh))
-    if left > (1.0 - config.min_cover) * float(mesh.area):
+    if left > (1.0 - MIN_COVER) * float(mesh.area):
         return found._replace(shapes=[*boxes, *solids])
     return found
 
@@ -319,12 +336,10 @@ def _find_rectangles(
         return surface.is_backed(points, np.broadcast_to(normal, points.shape), tolerance)
 
     planes = []
-    for center, axes, half in find_rectangles(
-        flat, config.cell, least, config.max_rectangles, is_backed, config.max_open
-    ):
+    for center, axes, half in find_rectangles(flat, CELL, least, MAX_RECTANGLES, is_backed, MAX_OPEN):
         turned = frame.copy()
         turned[:, :2] = frame[:, :2] @ axes
-        depth = config.thickness / 2
+        depth = THICKNESS / 2
         place = point + frame[:, :2] @ center - depth * normal
         planes.append(Primitive("plane", place, turned, np.array([*half, depth])))
     return planes

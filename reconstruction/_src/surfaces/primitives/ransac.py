@@ -13,7 +13,13 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import find_hinges, find_normals, group_sides
 from reconstruction._src.surfaces.primitives.primitive import (
+    CANDIDATES,
+    FITS,
     KINDS,
+    MIN_PART,
+    MISSES,
+    NORMAL_ANGLE,
+    SAMPLE,
     PrimitivesConfig,
     Shapes,
     fit_shape,
@@ -92,12 +98,12 @@ def find_shapes(
         Differs: a fixed number of candidates in a round; the mesh gives normals, areas and connectivity.
     """
     data = _prepare(vertices, faces)
-    config = replace(config, min_area=max(config.min_area, config.min_part * float(data.areas.sum())))
+    config = replace(config, min_area=max(config.min_area, MIN_PART * float(data.areas.sum())))
     tree = cKDTree(data.centers)
     is_left = data.areas > 0.0
     found: list[FoundShape] = []
     misses = 0
-    while misses < config.misses and data.areas[is_left].sum() >= config.min_area:
+    while misses < MISSES and data.areas[is_left].sum() >= config.min_area:
         best = _search(data, tree, is_left, tolerance, config, rng)
         if best is None:
             misses += 1
@@ -136,10 +142,10 @@ def _search(
     """Return the best shape of a round; None where none is large enough."""
     left = np.flatnonzero(is_left)
     share = data.areas[left] / data.areas[left].sum()
-    sample = rng.choice(left, size=min(config.sample, len(left)), p=share)
+    sample = rng.choice(left, size=min(SAMPLE, len(left)), p=share)
     finalists: list[tuple[float, Shapes]] = []
     for kind in KINDS:
-        first = rng.choice(left, size=config.candidates, p=share)
+        first = rng.choice(left, size=CANDIDATES, p=share)
         near = tree.query(data.centers[first], k=min(_NEIGHBORS[-1], len(data.areas)))[1].reshape(
             len(first), -1
         )
@@ -165,7 +171,7 @@ def _fits(
 ) -> Bool[np.ndarray, "C N"]:
     distance, normals = shapes.measure(data.centers[chosen])
     cosine = np.einsum("cnk,nk->cn", normals, data.smooth[chosen])
-    return (np.abs(distance) <= tolerance) & (cosine >= np.cos(config.normal_angle))
+    return (np.abs(distance) <= tolerance) & (cosine >= np.cos(NORMAL_ANGLE))
 
 
 def _refine(
@@ -177,11 +183,11 @@ def _refine(
 ) -> FoundShape | None:
     """Fit a shape to its connected faces, again and again; None where they are too few in the end."""
     faces = _find_connected(shape, data, is_left, _WIDE * tolerance, config)
-    for step in range(config.fits):
+    for step in range(FITS):
         if data.areas[faces].sum() < config.min_area / 2:
             return None
         shape = fit_shape(shape, data.corners[faces].reshape(-1, 3), np.repeat(data.areas[faces], 3))
-        last = step == config.fits - 1
+        last = step == FITS - 1
         faces = _find_connected(
             shape, data, is_left, (1.0 if last else _WIDE / (step + 1)) * tolerance, config
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -107,7 +107,7 @@ def _find_pairs(
     place = state.position
     ahead = axis @ place.T - (axis * start).sum(axis=1)[:, None]
     squared = (place**2).sum(axis=1) + (start**2).sum(axis=1)[:, None] - 2.0 * start @ place.T
-    outside = (1.0 - config.side_share) * _NARROW**config.lobe + config.side_share
+    outside = (1.0 - SIDE_SHARE) * _NARROW**LOBE + SIDE_SHARE
     side_reach, reach = (_find_reach(config, lobe) + radius for lobe in (outside, 1.0))
     is_narrow = (ahead + radius) ** 2 > _NARROW**2 * np.maximum(
         np.sqrt(np.maximum(squared, 0.0)) - radius, 0.0
@@ -120,7 +120,7 @@ def _find_pairs(
 
 def _find_reach(config: SignalConfig, lobe: float) -> float:
     """Return how far a beacon shines with a share of its light [m]."""
-    return (config.gain * lobe / _LEAST_READING) ** (1.0 / config.falloff) if lobe > 0.0 else 0.0
+    return (config.gain * lobe / _LEAST_READING) ** (1.0 / FALLOFF) if lobe > 0.0 else 0.0
 
 
 def find_readings(
@@ -136,8 +136,26 @@ def find_readings(
     distance = np.maximum(np.sqrt((way * way) @ ones), _LEAST_DISTANCE)
     sent = np.maximum((way * axis) @ ones / distance, 0.0)
     seen = np.maximum(-((way * unit_axis) @ ones) / distance, 0.0)
-    lobe = ((1.0 - config.side_share) * sent**config.lobe + config.side_share) * (sent > 0.0)
-    return config.gain * lobe * seen**config.reception * distance**-config.falloff
+    lobe = ((1.0 - SIDE_SHARE) * sent**LOBE + SIDE_SHARE) * (sent > 0.0)
+    return config.gain * lobe * seen**RECEPTION * distance**-FALLOFF
+
+
+FALLOFF = 1.7
+"""Exponent of the distance [F]."""
+LOBE = 66.0
+"""Exponent of the cosine of the angle off the beacon's axis, for its narrow part [F]."""
+SIDE_SHARE = 0.18
+"""What the beacon sends to all sides before it, as a share of that along its axis [F]."""
+RECEPTION = 4.0
+"""Exponent of the cosine of the angle off the axis of the receiving unit [E]."""
+SATURATION = 275.0
+"""Largest reading [F: 275 is the largest there]."""
+AMBIENT = 0.5
+"""Reading without a beacon [F]."""
+MESSAGE_THRESHOLD = 1.5
+"""Weakest sum of both units of a side with which a message is read [counts] [E]."""
+CAPTURE = 2.0
+"""How many times as strong as all others together a message must be to be read; else they collide [E]."""
 
 
 @dataclass(frozen=True)
@@ -152,41 +170,20 @@ class SignalConfig:
 
     Attributes:
         gain: reading of a unit at 1 m that looks at a beacon that looks at it [F].
-        falloff: exponent of the distance [F].
-        lobe: exponent of the cosine of the angle off the beacon's axis, for its narrow part [F].
-        side_share: what the beacon sends to all sides before it, as a share of that along its axis [F].
-        reception: exponent of the cosine of the angle off the axis of the receiving unit [E].
-        saturation: largest reading [F: 275 is the largest there].
-        ambient: reading without a beacon [F].
         noise: standard deviation of a reading [F].
         relative_noise: likewise, as a share of the reading [E]; 0.16-0.21 is left by the fit, which includes its error.
-        message_threshold: weakest sum of both units of a side with which a message is read [counts] [E].
         message_loss: probability that a message is lost on its way [E].
-        capture: how many times as strong as all others together a message must be to be read; else they collide [E].
 
     Raises:
-        OptionError: a value is out of range.
     """
 
     gain: float = 5.9
-    falloff: float = 1.7
-    lobe: float = 66.0
-    side_share: float = 0.18
-    reception: float = 4.0
-    saturation: float = 275.0
-    ambient: float = 0.5
     noise: float = 0.5
     relative_noise: float = 0.05
-    message_threshold: float = 1.5
     message_loss: float = 0.02
-    capture: float = 2.0
 
     def __post_init__(self) -> None:
-        positive = ("gain", "falloff", "saturation", "message_threshold", "capture")
-        check_positive(self, positive, OptionError)
-        check_not_negative(self, [f.name for f in fields(self) if f.name not in positive], OptionError)
-        for name in ("side_share", "message_loss"):
-            if getattr(self, name) > 1.0:
-                raise OptionError(f"SignalConfig.{name} must be at most 1, got {getattr(self, name)!r}")
-        if self.capture < 1.0:
-            raise OptionError(f"SignalConfig.capture must be at least 1, got {self.capture!r}")
+        check_positive(self, ("gain",), OptionError)
+        check_not_negative(self, ("noise", "relative_noise", "message_loss"), OptionError)
+        if self.message_loss > 1.0:
+            raise OptionError(f"SignalConfig.message_loss must be at most 1, got {self.message_loss!r}")

@@ -9,7 +9,16 @@ import numpy as np
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.sight import Sight
-from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS, Light, SignalConfig, find_light
+from symbrion_gym._src.swarm.signals.infrared import (
+    AMBIENT,
+    CAPTURE,
+    MESSAGE_THRESHOLD,
+    NUM_UNITS,
+    SATURATION,
+    Light,
+    SignalConfig,
+    find_light,
+)
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -100,9 +109,9 @@ class Signals:
         config, count = self.config, self._world.num_robots
         total = np.zeros((count, NUM_UNITS // 2, 2))
         np.add.at(total, (light.receiver, light.side), light.readings)
-        reading = total.reshape(count, NUM_UNITS) + config.ambient
+        reading = total.reshape(count, NUM_UNITS) + AMBIENT
         spread = np.hypot(config.noise, config.relative_noise * reading)
-        return np.clip(reading + spread * self._rng.standard_normal(reading.shape), 0.0, config.saturation)
+        return np.clip(reading + spread * self._rng.standard_normal(reading.shape), 0.0, SATURATION)
 
     def _read_messages(
         self, light: Light, content: Int[np.ndarray, "N 4"]
@@ -116,8 +125,8 @@ class Signals:
         message = np.full(shape, NO_MESSAGE)
         strongest = light.receiver[is_best], light.side[is_best]
         message[strongest] = content[light.sender[is_best], light.dock[is_best]]
-        is_heard = best >= config.message_threshold
-        is_read = best >= config.capture * (total - best)
+        is_heard = best >= MESSAGE_THRESHOLD
+        is_read = best >= CAPTURE * (total - best)
         is_lost = self._rng.random(shape) < config.message_loss
         return np.where(is_heard & is_read & ~is_lost, message, NO_MESSAGE), is_heard & ~is_read
 

@@ -136,7 +136,7 @@ def test_a_ring_keeps_its_hole():
 def test_four_units_are_the_least():
     points = draw(make_step(), 200)
     assert train(points, GrowingGridConfig(units=4)).units.shape == (2, 2, 3)
-    for wrong in ({"units": 3}, {"triangles": 1}, {"growth": 1.0}):
+    for wrong in ({"units": 3}, {"triangles": 1}):
         with pytest.raises(ReconstructionError, match=str(next(iter(wrong)))):
             GrowingGridConfig(**wrong)
     with pytest.raises(ReconstructionError, match="'longest', 'counter' or 'distant'"):

@@ -4,11 +4,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 from shapes import make_sheet
 
-from reconstruction._src.networks.som.density import Density, DensityConfig, find_outliers, measure_density
+from reconstruction._src.networks.som.density import Density, find_outliers, measure_density
 
 
 def _measure(points: np.ndarray) -> Density:
-    return measure_density(points, cKDTree(points), np.random.default_rng(0), DensityConfig())
+    return measure_density(points, cKDTree(points), np.random.default_rng(0))
 
 
 def test_an_even_cloud_has_one_spacing() -> None:
@@ -56,7 +56,7 @@ def test_what_stands_off_a_sparse_surface_is_an_outlier() -> None:
     sheet = np.column_stack([rng.random((4000, 2)), rng.normal(0, 0.002, 4000)])
     corner = np.column_stack([np.zeros(2000), rng.random((2000, 2))])
     aloft = np.column_stack([rng.uniform(0.1, 0.9, (60, 2)), rng.uniform(0.05, 0.1, 60)])
-    is_outlier = find_outliers(np.concatenate([sheet, corner, aloft]), DensityConfig())
+    is_outlier = find_outliers(np.concatenate([sheet, corner, aloft]))
     assert is_outlier[-60:].mean() > 0.9
     assert is_outlier[:-60].mean() < 0.002
 
