@@ -9,7 +9,13 @@ from typing import Any, Protocol
 
 from evolution._src.backends.batch import BatchBackend
 from evolution._src.backends.outcome import Outcome
-from evolution._src.backends.pool import PoolConfig, Reply, WorkerPool
+from evolution._src.backends.pool import (
+    CONNECT_TIMEOUT,
+    FIRST_START_TIMEOUT,
+    START_TIMEOUT,
+    Reply,
+    WorkerPool,
+)
 from evolution._src.backends.simulation import (
     Simulate,
     find_simulate,
@@ -69,7 +75,6 @@ class RayBackend(WorkerPool[Handle]):
         simulate: a function of a module.
         workers: number of actors, one CPU each.
         address: address of a running cluster ("auto" finds it); None starts one on this machine.
-        config: parameters of the distribution of jobs, and time limits of workers.
 
     Raises:
         RunError: Ray is not installed, or no cluster answers.
@@ -80,9 +85,8 @@ class RayBackend(WorkerPool[Handle]):
         simulate: Simulate,
         workers: int,
         address: str | None = None,
-        config: PoolConfig | None = None,
     ) -> None:
-        super().__init__(workers, config)
+        super().__init__(workers)
         try:
             import ray
         except ImportError as error:
@@ -93,7 +97,7 @@ class RayBackend(WorkerPool[Handle]):
         self._simulate = name_simulate(simulate)
         self._owns_cluster = not ray.is_initialized()
         if self._owns_cluster:
-            connect_cluster(ray, workers, address, self._config.connect_timeout)
+            connect_cluster(ray, workers, address, CONNECT_TIMEOUT)
         self._actor = ray.remote(num_cpus=1, max_restarts=0)(_Actor)
         self._running: dict[Handle, Handle] = {}
 
@@ -108,8 +112,8 @@ class RayBackend(WorkerPool[Handle]):
             greetings[actor.greet.remote()] = actor
         references = list(greetings)
         if not self._workers:
-            self._ray.wait(references, num_returns=1, timeout=self._config.first_start_timeout)
-        ready, late = self._ray.wait(references, num_returns=count, timeout=self._config.start_timeout)
+            self._ray.wait(references, num_returns=1, timeout=FIRST_START_TIMEOUT)
+        ready, late = self._ray.wait(references, num_returns=count, timeout=START_TIMEOUT)
         started, reason = [], "no CPU is free"
         for reference in ready:
             try:
@@ -213,7 +217,6 @@ def make_backend(
     workers: int = 1,
     address: str | None = None,
     simulate: Simulate | None = None,
-    pool: PoolConfig | None = None,
 ) -> Backend:
     """Make a backend."""
     if workers < 1:
@@ -228,6 +231,6 @@ def make_backend(
     if name == "processes":
         from evolution._src.backends.processes import ProcessBackend
 
-        return ProcessBackend(simulate, workers, pool)
+        return ProcessBackend(simulate, workers)
 
-    return RayBackend(simulate, workers, address, pool)
+    return RayBackend(simulate, workers, address)

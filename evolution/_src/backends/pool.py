@@ -3,46 +3,29 @@
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
 from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.trials import Job, make_failure
-from evolution._src.errors import RunError
-from evolution._src.references import MAX_MAGNITUDE, MAX_TRIALS
-from reconstruction._src.base.range_checks import coerce_floats, coerce_integers
 
 Worker = TypeVar("Worker")
 
 
-@dataclass(frozen=True)
-class PoolConfig:
-    """How jobs are distributed and how long workers may take. Nothing here changes an outcome of a job that works.
-
-    Attributes:
-        batches_per_worker: about how many batches of jobs each worker gets in a generation. 2 keeps the wait for the
-            slowest batch short; more would leave the batch of a worker too small.
-        max_deaths: a job that was alone on this many workers when they died is reported as failed. 2, because one
-            death may have any reason.
-        exit_timeout: how long a worker process may take to end before it is killed [s].
-        connect_timeout: how long the head of a Ray cluster may take to answer [s]; Ray itself would try for minutes.
-        first_start_timeout: how long the first worker of a Ray cluster may take to start [s]; it imports
-            everything on a new node.
-        start_timeout: how much longer the other workers may take [s]; the next generation tries again to start those
-            that were late.
-    """
-
-    batches_per_worker: int = 2
-    max_deaths: int = 2
-    exit_timeout: float = 5.0
-    connect_timeout: float = 10.0
-    first_start_timeout: float = 120.0
-    start_timeout: float = 15.0
-
-    def __post_init__(self) -> None:
-        coerce_integers(self, dict.fromkeys(("batches_per_worker", "max_deaths"), (1, MAX_TRIALS)), RunError)
-        timeouts = ("exit_timeout", "connect_timeout", "first_start_timeout", "start_timeout")
-        coerce_floats(self, dict.fromkeys(timeouts, (0.0, MAX_MAGNITUDE)), RunError)
+BATCHES_PER_WORKER = 2
+"""About how many batches of jobs each worker gets in a generation. 2 keeps the wait for the slowest batch
+short; more would leave the batch of a worker too small."""
+MAX_DEATHS = 2
+"""A job that was alone on this many workers when they died is reported as failed. 2, because one death may
+have any reason."""
+EXIT_TIMEOUT = 5.0
+"""How long a worker process may take to end before it is killed [s]."""
+CONNECT_TIMEOUT = 10.0
+"""How long the head of a Ray cluster may take to answer [s]; Ray itself would try for minutes."""
+FIRST_START_TIMEOUT = 120.0
+"""How long the first worker of a Ray cluster may take to start [s]; it imports everything on a new node."""
+START_TIMEOUT = 15.0
+"""How much longer the other workers may take [s]; the next generation tries again to start those that were
+late."""
 
 
 class Reply(NamedTuple, Generic[Worker]):
@@ -62,14 +45,12 @@ class WorkerPool(ABC, Generic[Worker]):
 
     Args:
         workers: number of workers.
-        config: parameters of the distribution of jobs, and time limits of workers.
 
     Attributes:
         num_deaths: number of workers that have died so far.
     """
 
-    def __init__(self, workers: int, config: PoolConfig | None = None) -> None:
-        self._config = config or PoolConfig()
+    def __init__(self, workers: int) -> None:
         self._num_wanted = self._capacity = workers
         self._workers: list[Worker] = []
         self.num_deaths = 0
@@ -112,7 +93,7 @@ class WorkerPool(ABC, Generic[Worker]):
                     self._remove(worker)
                     for index in indices:
                         deaths[index] += len(indices) == 1
-                        if deaths[index] < self._config.max_deaths:
+                        if deaths[index] < MAX_DEATHS:
                             pending.append([index])
                         else:
                             outcomes[index] = self._give_up(jobs[index])
@@ -129,7 +110,7 @@ class WorkerPool(ABC, Generic[Worker]):
         self._workers.clear()
 
     def _make_batches(self, count: int) -> list[list[int]]:
-        size = max(1, -(-count // (self._config.batches_per_worker * self._num_wanted)))
+        size = max(1, -(-count // (BATCHES_PER_WORKER * self._num_wanted)))
         return [list(range(first, min(first + size, count))) for first in range(0, count, size)]
 
     def _assign(
@@ -153,5 +134,5 @@ class WorkerPool(ABC, Generic[Worker]):
         self._stop(worker)
 
     def _give_up(self, job: Job) -> Outcome:
-        times = {1: "once", 2: "twice"}.get(self._config.max_deaths, f"{self._config.max_deaths} times")
+        times = {1: "once", 2: "twice"}.get(MAX_DEATHS, f"{MAX_DEATHS} times")
         return make_failure(job.trials, f"its worker died, {times}")

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
-from evolution._src.backends.pool import PoolConfig, Reply, WorkerPool
+from evolution._src.backends.pool import EXIT_TIMEOUT, Reply, WorkerPool
 from evolution._src.backends.simulation import Simulate, name_simulate
 from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
@@ -48,14 +48,13 @@ class ProcessBackend(WorkerPool[_Worker]):
     Args:
         simulate: a function of a module.
         workers: number of processes.
-        config: parameters of the distribution of jobs, and time limits of workers.
 
     Raises:
         RunError: a worker cannot start.
     """
 
-    def __init__(self, simulate: Simulate, workers: int, config: PoolConfig | None = None) -> None:
-        super().__init__(workers, config)
+    def __init__(self, simulate: Simulate, workers: int) -> None:
+        super().__init__(workers)
         self._simulate = name_simulate(simulate)
 
     @property
@@ -108,7 +107,7 @@ class ProcessBackend(WorkerPool[_Worker]):
     def _stop(self, worker: _Worker) -> None:
         worker.connection.close()  # the worker reads the end and leaves
         try:
-            worker.process.wait(self._config.exit_timeout)
+            worker.process.wait(EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             worker.process.kill()
             worker.process.wait()

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.outlines import RimConfig, drop_rim_slivers
+from reconstruction._src.geometry.outlines import drop_rim_slivers
 from reconstruction._src.geometry.rows import find_areas
 
 _SAME_PLACE = 1e-6
@@ -105,13 +105,13 @@ class RepairConfig:
             shares lose furniture.
         keeps_winding: the winding tells where free space is: each part stays wound as most of its area is. Else closed
             parts are turned outwards, open ones up.
-        rims: which faces at the rim of an open surface are slivers, which are dropped; None: all stay.
+        drops_slivers: whether slivers at the rim of an open surface are dropped.
     """
 
     max_faces: int = 30_000
     min_part: float = 3e-4
     keeps_winding: bool = False
-    rims: RimConfig | None = None
+    drops_slivers: bool = False
 
 
 REPAIR_DEFAULTS = RepairConfig()
@@ -139,9 +139,9 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
     vertices, faces = merge_vertices(vertices, faces)
     faces = drop_flat_faces(vertices, faces)
     faces = _drop_small_parts(vertices, faces, config.min_part)
-    if config.rims is not None:
+    if config.drops_slivers:
         count = len(faces)
-        faces = drop_rim_slivers(vertices, faces, config.rims)
+        faces = drop_rim_slivers(vertices, faces)
         _logger.info("dropped %d slivers at the rim", count - len(faces))
     if len(faces) > config.max_faces:
         vertices, faces = simplify(vertices, faces, config.max_faces)

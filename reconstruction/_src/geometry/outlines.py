@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import ConvexHull, QhullError
-
-from reconstruction._src.base.errors import ReconstructionError
 
 _MAX_CORNERS = 24
 """Corners of an outline: a prism on it keeps below 64 vertices, the most that MuJoCo's hulls should have."""
@@ -101,49 +97,25 @@ def _measure_corners(polygon: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P
     return 0.5 * np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
 
 
-@dataclass(frozen=True)
-class RimConfig:
-    """What at the rim of a surface is a sliver.
-
-    Attributes:
-        longest: its edge at the rim is longer than this many median edges of the surface: a network leaves none ...
-        min_angle_deg: ... and its corner off the rim has an angle above this [degrees]: it is low ...
-        min_bend_deg: ... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat
-            ground is part of the ground.
-        rounds: slivers behind slivers are removed, too, in no more rounds than these.
-
-    Raises:
-        ReconstructionError: a value is out of range.
-    """
-
-    longest: float = 5.0
-    min_angle_deg: float = 120.0
-    min_bend_deg: float = 10.0
-    rounds: int = 20
-
-    def __post_init__(self) -> None:
-        if not self.longest >= 1.0:
-            raise ReconstructionError(
-                f"longest must be 1 or more, got {self.longest}: half of all edges are longer"
-            )
-        if not 60.0 <= self.min_angle_deg < 180.0:
-            raise ReconstructionError(
-                f"min_angle_deg must be from 60 to 180, got {self.min_angle_deg}: "
-                "the angle opposite of a longest edge is"
-            )
-
-
-RIM_DEFAULTS = RimConfig()
+_LONGEST = 5.0
+"""Its edge at the rim is longer than this many median edges of the surface: a network leaves none ..."""
+_MIN_ANGLE_DEG = 120.0
+"""... and its corner off the rim has an angle above this [degrees]: it is low ..."""
+_MIN_BEND_DEG = 10.0
+"""... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat ground is part
+of the ground."""
+_ROUNDS = 20
+"""Slivers behind slivers are removed, too, in no more rounds than these."""
 
 
 def drop_rim_slivers(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], config: RimConfig = RIM_DEFAULTS
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Int[np.ndarray, "G 3"]:
     """Return the faces without slivers at the rim, which bridge ground that no vertex stands for."""
     lengths = _find_lengths(vertices, faces)
-    longest = config.longest * float(np.median(lengths)) if len(faces) else 0.0
-    for _ in range(config.rounds):
-        is_sliver = _find_slivers(vertices, faces, longest, config)
+    longest = _LONGEST * float(np.median(lengths)) if len(faces) else 0.0
+    for _ in range(_ROUNDS):
+        is_sliver = _find_slivers(vertices, faces, longest)
         if not is_sliver.any() or is_sliver.all():
             break
         faces = faces[~is_sliver]
@@ -159,7 +131,7 @@ def _find_lengths(
 
 
 def _find_slivers(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], longest: float, config: RimConfig
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], longest: float
 ) -> Bool[np.ndarray, " F"]:
     lengths = _find_lengths(vertices, faces)
     rows, corner = np.arange(len(faces)), lengths.argmax(axis=1)
@@ -167,7 +139,7 @@ def _find_slivers(
     others = np.sort(lengths, axis=1)[:, :2]
     # Law of cosines at the corner opposite of the longest edge.
     cosine = (others[:, 0] ** 2 + others[:, 1] ** 2 - long**2) / (2.0 * others[:, 0] * others[:, 1])
-    is_low = (long > longest) & (cosine < np.cos(np.radians(config.min_angle_deg)))
+    is_low = (long > longest) & (cosine < np.cos(np.radians(_MIN_ANGLE_DEG)))
     if not is_low.any():
         return is_low
     ends = np.sort(np.stack([faces[rows, corner - 2], faces[rows, corner - 1]], axis=1), axis=1)
@@ -175,7 +147,7 @@ def _find_slivers(
     unique, count = np.unique(edges, axis=0, return_counts=True)
     rim = {(int(a), int(b)) for a, b in unique[count == 1]}
     is_rim = np.array([pair in rim for pair in map(tuple, ends.tolist())], dtype=bool)
-    return is_low & is_rim & (_find_bends(vertices, faces) > np.radians(config.min_bend_deg))
+    return is_low & is_rim & (_find_bends(vertices, faces) > np.radians(_MIN_BEND_DEG))
 
 
 def _find_bends(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:

@@ -25,6 +25,16 @@ UP_AXES = {
 are; -y: a camera that looks along z, with y down."""
 
 
+_MAX_DISTANCE = 1000.0
+"""A cloud whose middle (median) is farther from the origin than this, and than its own longest side, is moved
+to it [m]. At 1 km single precision is still a hundred times finer than a good scanner."""
+_MAX_EXTENTS = 1000.0
+"""The same, in lengths of the cloud's longest side: at 1,000 of them single precision resolves 0.00006 of the
+cloud, finer than any network does. It moves small things far away."""
+_OFFSET_STEP = 1.0
+"""The offset is a multiple of this [m]. Whole meters are easy to add by hand."""
+
+
 @dataclass(frozen=True)
 class FrameConfig:
     """When coordinates are moved, and which sizes are asked about.
@@ -33,18 +43,10 @@ class FrameConfig:
     northing a vertex moves by up to 0.25 m, at 1 km by 0.03 mm.
 
     Attributes:
-        max_distance: a cloud whose middle (median) is farther from the origin than this, and than its own longest
-            side, is moved to it [m]. At 1 km single precision is still a hundred times finer than a good scanner.
-        max_extents: the same, in lengths of the cloud's longest side: at 1,000 of them single precision resolves
-            0.00006 of the cloud, finer than any network does. It moves small things far away.
-        offset_step: the offset is a multiple of this [m]. Whole meters are easy to add by hand.
         smallest, largest: longest side that is not asked about [m]: scenes of robots. A side outside is mostly a
             file in another unit, or one with stray points.
     """
 
-    max_distance: float = 1000.0
-    max_extents: float = 1000.0
-    offset_step: float = 1.0
     smallest: float = 0.1
     largest: float = 1000.0
 
@@ -96,9 +98,9 @@ def find_offset(
     config = config or FrameConfig()
     center, extent = np.median(positions, axis=0), float(np.ptp(positions, axis=0).max())
     distance = float(np.linalg.norm(center))
-    if distance <= max(config.max_distance, extent) and distance <= config.max_extents * extent:
+    if distance <= max(_MAX_DISTANCE, extent) and distance <= _MAX_EXTENTS * extent:
         return np.zeros(3)
-    return np.round(center / config.offset_step) * config.offset_step + 0.0
+    return np.round(center / _OFFSET_STEP) * _OFFSET_STEP + 0.0
 
 
 def describe_odd_size(positions: Float[np.ndarray, "N 3"], config: FrameConfig | None = None) -> str | None:

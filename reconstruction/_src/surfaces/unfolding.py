@@ -1,6 +1,5 @@
 """Take folds and self-intersections out of a fitted mesh, by moving vertices between their neighbors."""
 
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,38 +22,24 @@ _SHORTEST = 1e-300
 """Divided by instead of 0: the direction of an edge without length is 0."""
 
 
-@dataclass(frozen=True)
-class UnfoldConfig:
-    """How `unfold_faces` moves vertices.
-
-    Attributes:
-        step: share of the way to the center of its neighbors that a tangled face's vertex moves in a round; above 1 it
-            would overshoot.
-        stages: what moves, one stage after another: this many rings around the tangled faces, without or with the
-            vertices on the boundary. A boundary that stays keeps the ears of the mesh; where its teeth lie across one
-            another, it must move.
-        rounds: a stage ends after this many without success; the next begins with the best result.
-        boundary_angle: where the boundary turns by more, its faces may lie across one another without any fold [rad]:
-            the teeth of a closing slit.
-        sharp_angle: where the normals at an edge differ by more, its faces may intersect others without any fold [rad]:
-            lips over a narrow groove.
-        part_rings: where only a part may move, this many rings around the tangled faces take part; fewer are faster and
-            leave less room.
-    """
-
-    step: float = 0.5
-    stages: tuple[tuple[int, bool], ...] = (
-        (0, False),
-        (0, True),
-        (1, False),
-        (1, True),
-        (2, True),
-        (3, True),
-    )
-    rounds: int = 8
-    boundary_angle: float = np.deg2rad(60)
-    sharp_angle: float = np.deg2rad(75)
-    part_rings: int = 6
+_STEP = 0.5
+"""Share of the way to the center of its neighbors that a tangled face's vertex moves in a round; above 1 it
+would overshoot."""
+_STAGES = ((0, False), (0, True), (1, False), (1, True), (2, True), (3, True))
+"""What moves, one stage after another: this many rings around the tangled faces, without or with the vertices
+on the boundary. A boundary that stays keeps the ears of the mesh; where its teeth lie across one another, it
+must move."""
+_ROUNDS = 8
+"""A stage ends after this many without success; the next begins with the best result."""
+_BOUNDARY_ANGLE = np.deg2rad(60)
+"""Where the boundary turns by more, its faces may lie across one another without any fold [rad]: the teeth of
+a closing slit."""
+_SHARP_ANGLE = np.deg2rad(75)
+"""Where the normals at an edge differ by more, its faces may intersect others without any fold [rad]: lips
+over a narrow groove."""
+_PART_RINGS = 6
+"""Where only a part may move, this many rings around the tangled faces take part; fewer are faster and leave
+less room."""
 
 
 def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
@@ -94,7 +79,7 @@ def find_tangled(
     faces: Int[np.ndarray, "F 3"],
     hinges: Hinges,
     is_suspect: Bool[np.ndarray, " F"],
-    sharp_angle: float = UnfoldConfig.sharp_angle,
+    sharp_angle: float = _SHARP_ANGLE,
     is_tested: Bool[np.ndarray, " F"] | None = None,
     before: tuple[Tangles, Bool[np.ndarray, " F"]] | None = None,
 ) -> Tangles:
@@ -123,29 +108,25 @@ def unfold_part(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     is_movable: Bool[np.ndarray, " V"],
-    config: UnfoldConfig | None = None,
 ) -> Float[np.ndarray, "V 3"]:
     """Do what `unfold_faces` does where only a part may move: the cost is that of the part."""
-    config = config or UnfoldConfig()
     part = _cut_out(vertices, faces, is_movable)
     if part is None:
         return vertices
     used, faces, _ = part
     is_movable, moved = is_movable[used], vertices[used]
-    found: Tangles | None = _find_first(moved, faces, any_corner(is_movable, faces), config)
+    found: Tangles | None = _find_first(moved, faces, any_corner(is_movable, faces))
     is_tangled = found.is_tangled
     if not is_tangled.any():
         return vertices
-    for stage in config.stages:
-        is_about = is_movable & _widen(is_tangled, faces, len(used), config.part_rings)
+    for stage in _STAGES:
+        is_about = is_movable & _widen(is_tangled, faces, len(used), _PART_RINGS)
         part = _cut_out(moved, faces, is_about) if is_tangled.any() else None
         if part is None:
             break
         inner, part_faces, rows = part
         found = None if found is None else found.select(rows)
-        moved[inner], is_tangled[rows] = _unfold(
-            moved[inner], part_faces, replace(config, stages=(stage,)), is_about[inner], found
-        )
+        moved[inner], is_tangled[rows] = _unfold(moved[inner], part_faces, is_about[inner], found, (stage,))
         found = None
     mended = vertices.copy()
     mended[used] = moved
@@ -179,20 +160,18 @@ def _find_first(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     is_tested: Bool[np.ndarray, " F"],
-    config: UnfoldConfig,
 ) -> Tangles:
     """Return which of some faces are tangled, before anything has moved."""
     sides = group_sides(faces, len(vertices))
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
-    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
-    return find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested)
+    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], _BOUNDARY_ANGLE)
+    return find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), _SHARP_ANGLE, is_tested)
 
 
 def unfold_faces(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
-    config: UnfoldConfig | None = None,
     is_movable: Bool[np.ndarray, " V"] | None = None,
 ) -> Float[np.ndarray, "V 3"]:
     """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
@@ -200,14 +179,14 @@ def unfold_faces(
     A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
     vertices around them move, too.
     """
-    return _unfold(vertices, faces, config or UnfoldConfig(), is_movable)[0]
+    return _unfold(vertices, faces, is_movable)[0]
 
 
 def untangle(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "G 3"]]:
     """Do what `unfold_faces` does; of faces that still lie across others, those across the most go."""
-    vertices, is_tangled = _unfold(vertices, faces, UnfoldConfig())
+    vertices, is_tangled = _unfold(vertices, faces)
     if is_tangled.any():
         faces = make_manifold(vertices, faces, np.zeros(len(faces)))  # no fold is left
         while len(pairs := find_intersections(vertices, faces)):
@@ -219,9 +198,9 @@ def untangle(
 def _unfold(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
-    config: UnfoldConfig,
     is_movable: Bool[np.ndarray, " V"] | None = None,
     found: Tangles | None = None,
+    stages: tuple[tuple[int, bool], ...] = _STAGES,
 ) -> tuple[Float[np.ndarray, "V 3"], Bool[np.ndarray, " F"]]:
     """Do what `unfold_faces` does, from what is found already; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
@@ -229,16 +208,16 @@ def _unfold(
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
     if found is None:
-        is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
+        is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], _BOUNDARY_ANGLE)
         is_suspect = any_corner(is_turn, faces)
-        found = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
+        found = find_tangled(vertices, faces, hinges, is_suspect, _SHARP_ANGLE, is_tested)
     best = found
     if not best.is_tangled.any():
         return vertices, best.is_tangled
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
     is_fixed = np.zeros(len(vertices), dtype=bool) if is_movable is None else ~is_movable
-    for rings, moves_boundary in config.stages:
-        current, tangles, left = vertices, best, config.rounds
+    for rings, moves_boundary in stages:
+        current, tangles, left = vertices, best, _ROUNDS
         while left > 0 and best.is_tangled.any():
             is_moved = _widen(tangles.is_tangled, faces, len(vertices), rings)
             is_moved &= (~is_boundary | moves_boundary) & ~is_fixed
@@ -246,20 +225,20 @@ def _unfold(
             around = neighbors[moved]
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
             current = current.copy()
-            current[moved] += config.step * (around @ current / share - current[moved])
+            current[moved] += _STEP * (around @ current / share - current[moved])
             has_moved = any_corner(is_moved, faces)
             tangles = find_tangled(
                 current,
                 faces,
                 hinges,
                 tangles.is_tangled | has_moved,
-                config.sharp_angle,
+                _SHARP_ANGLE,
                 is_tested,
                 (tangles, has_moved),
             )
             left -= 1
             if tangles.is_tangled.sum() < best.is_tangled.sum():
-                vertices, best, left = current, tangles, config.rounds
+                vertices, best, left = current, tangles, _ROUNDS
     return vertices, best.is_tangled
 
 

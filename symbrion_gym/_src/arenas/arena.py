@@ -27,7 +27,7 @@ from symbrion_gym._src.arenas.saving import load_arena_folder, save_arena
 from symbrion_gym._src.arenas.seen_places import SeenPlaces
 from symbrion_gym._src.arenas.spec import ArenaGeometry, make_arena_spec
 from symbrion_gym._src.arenas.surface_colors import find_surface_colors, paint_course
-from symbrion_gym._src.arenas.texture import AtlasConfig, SurfaceTexture, check_texture, make_texture
+from symbrion_gym._src.arenas.texture import SurfaceTexture, check_texture, make_texture
 from symbrion_gym._src.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
@@ -294,7 +294,7 @@ class Arena:
         return cls(**load_arena_folder(folder))
 
 
-def color_arena(arena: Arena, cloud: Cloud, config: AtlasConfig | None = None) -> Arena:
+def color_arena(arena: Arena, cloud: Cloud) -> Arena:
     """Return an arena whose surface has the colors of the points around it; its contact stays the same.
 
     Args:
@@ -309,4 +309,4 @@ def color_arena(arena: Arena, cloud: Cloud, config: AtlasConfig | None = None) -
         raise ArenaError("the cloud has no colored points; give a Cloud with colors")
     surface = arena.surface.copy()
     paint_mesh(surface, cloud)
-    return replace(arena, surface=surface, texture=make_texture(surface, cloud, config))
+    return replace(arena, surface=surface, texture=make_texture(surface, cloud))

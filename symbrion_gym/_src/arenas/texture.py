@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +13,6 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int, UInt8
 
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.surfaces.color import ColorSource, Paint
 from symbrion_gym._src.errors import ArenaError
@@ -31,26 +29,12 @@ _BITS = 10
 """Of each coordinate in the order of triangles in space."""
 
 
-@dataclass(frozen=True)
-class AtlasConfig:
-    """How fine the texture of a surface is.
-
-    Attributes:
-        texel: edge of a texel on the surface [m]; 0: the distance between colored points.
-        max_size: edge of the picture [texel], a power of two; texels grow until all triangles fit.
-        max_cell: edge of the cell of the largest triangles [texel], a power of two.
-    """
-
-    texel: float = 0.0
-    max_size: int = 2048
-    max_cell: int = 512
-
-    def __post_init__(self) -> None:
-        check_all_positive(self, may_be_zero=("texel",))
-        for name in ("max_size", "max_cell"):
-            value = getattr(self, name)
-            if value < _BLOCK or value & (value - 1):
-                raise ArenaError(f"AtlasConfig: {name} must be a power of two from {_BLOCK} on, got {value}")
+_TEXEL = 0.0
+"""Edge of a texel on the surface [m]; 0: the distance between colored points."""
+_MAX_SIZE = 2048
+"""Edge of the picture [texel], a power of two; texels grow until all triangles fit."""
+_MAX_CELL = 512
+"""Edge of the cell of the largest triangles [texel], a power of two."""
 
 
 class Cells(NamedTuple):
@@ -95,17 +79,17 @@ class Atlas(NamedTuple):
         return uv
 
 
-def make_atlas(triangles: Float[np.ndarray, "F 3 3"], texel: float, config: AtlasConfig) -> Atlas:
+def make_atlas(triangles: Float[np.ndarray, "F 3 3"], texel: float) -> Atlas:
     """Lay out triangles, in cells so large that texels are no larger than wanted, where the picture has room for it."""
     lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)  # edge k: from corner k on
     first = (lengths.argmax(axis=1) + 2) % 3  # opposite to the longest edge
     order = (first[:, None] + np.arange(3)) % 3
     legs = np.sort(lengths, axis=1)[:, 1]
     rank = np.argsort(_find_codes(triangles.mean(axis=1)), kind="stable")
-    sizes = _choose_sizes(legs, texel, config)
-    while _count_blocks(sizes) * _BLOCK**2 > config.max_size**2 and (sizes > _BLOCK).any():
+    sizes = _choose_sizes(legs, texel)
+    while _count_blocks(sizes) * _BLOCK**2 > _MAX_SIZE**2 and (sizes > _BLOCK).any():
         texel *= _GROWTH
-        sizes = _choose_sizes(legs, texel, config)
+        sizes = _choose_sizes(legs, texel)
     side = _BLOCK
     while side**2 < _count_blocks(sizes) * _BLOCK**2:
         side *= 2
@@ -142,9 +126,9 @@ def iterate_texels(
             yield at.reshape(-1, 2), faces.ravel(), places.reshape(-1, 3)
 
 
-def _choose_sizes(legs: Float[np.ndarray, " F"], texel: float, config: AtlasConfig) -> Int[np.ndarray, " F"]:
+def _choose_sizes(legs: Float[np.ndarray, " F"], texel: float) -> Int[np.ndarray, " F"]:
     wanted = np.maximum(legs / texel + _RIM, _BLOCK)
-    return np.minimum(2 ** np.ceil(np.log2(wanted)).astype(np.int64), min(config.max_cell, config.max_size))
+    return np.minimum(2 ** np.ceil(np.log2(wanted)).astype(np.int64), min(_MAX_CELL, _MAX_SIZE))
 
 
 def _count_blocks(sizes: Int[np.ndarray, " F"]) -> int:
@@ -224,12 +208,11 @@ class SurfaceTexture(NamedTuple):
         return total / _WHITE
 
 
-def make_texture(mesh: trimesh.Trimesh, cloud: Cloud, config: AtlasConfig | None = None) -> SurfaceTexture:
+def make_texture(mesh: trimesh.Trimesh, cloud: Cloud) -> SurfaceTexture:
     """Return a texture of a mesh in which each texel has the color of the points around it."""
-    config = config or AtlasConfig()
-    texel = config.texel or _find_spacing(cloud)
+    texel = _TEXEL or _find_spacing(cloud)
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
-    atlas, source = make_atlas(triangles, texel, config), ColorSource(cloud)
+    atlas, source = make_atlas(triangles, texel), ColorSource(cloud)
     image = _make_blank(atlas, np.asarray(cloud.colors).mean(axis=0))
     normals = np.asarray(mesh.face_normals)
     for at, face, places in iterate_texels(atlas, triangles):
@@ -240,7 +223,7 @@ def make_texture(mesh: trimesh.Trimesh, cloud: Cloud, config: AtlasConfig | None
 def paint_texture(mesh: trimesh.Trimesh, paint: Paint, texel: float = 0.01) -> SurfaceTexture:
     """Return a texture of a mesh whose colors are known everywhere."""
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
-    atlas = make_atlas(triangles, texel, AtlasConfig())
+    atlas = make_atlas(triangles, texel)
     image = _make_blank(atlas, _WHITE * np.asarray(paint(np.asarray(mesh.vertices))).mean(axis=0))
     for at, _, places in iterate_texels(atlas, triangles):
         colors = np.clip(np.asarray(paint(places), dtype=np.float64), 0.0, 1.0)

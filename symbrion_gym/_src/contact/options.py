@@ -11,7 +11,6 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.mesh_repair import RepairConfig
-from reconstruction._src.geometry.outlines import RimConfig
 from reconstruction._src.geometry.sampling import sample_area
 from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.contact.kinds import CONTACT_CHOICES
@@ -78,7 +77,7 @@ MAX_FACES = 1000
 """Larger solids are simplified first: its time grows faster than the number of faces."""
 
 
-REPAIR = RepairConfig(rims=RimConfig())
+REPAIR = RepairConfig(drops_slivers=True)
 """What of a mesh is kept."""
 JOINING = 0.8
 """Triangles are joined within this share of what patches aim at."""

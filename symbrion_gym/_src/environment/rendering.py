@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import logging
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import mujoco
@@ -126,38 +125,30 @@ _MAX_GEOMS = 4000
 """Geoms that an image can hold, beside those of the model."""
 
 
-@dataclass(frozen=True)
-class CameraConfig:
-    """Where the camera stands, and how it follows. It changes images alone.
+_LAG = 0.5
+"""Time after which the camera has gone two thirds of the way to the organism [s]; longer is smoother."""
+_DISTANCE = 0.75
+"""From the organism [m] ..."""
+_DISTANCE_PER_LENGTH = 0.95
+"""... and per meter of its length, so that all of it is seen."""
+_AZIMUTH = 105.0
+"""Relative to the heading of the route [deg]; 90 is from its right side, more looks back."""
+_ELEVATION = -18.0
+"""Negative looks down [deg]."""
+_NEAREST = 0.03
+"""What is nearer to the camera is not drawn [m]; in large scenes MuJoCo would leave out more."""
+_CONTACT_GAP = 0.02
+"""The contact geometry of the arena is drawn over its surface where its 95th percentile is farther off than
+this [m], a step that is seen in the image; inf never draws it."""
+_CONTACT_UNCOVERED = 0.01
+"""Likewise where more than this share of the surface has no contact."""
+_CONTACT_OPACITY = 0.35
+"""How much of the surface contact hides, from 0 to 1."""
 
-    Attributes:
-        lag: time after which the camera has gone two thirds of the way to the organism [s]; longer is smoother.
-        distance: from the organism [m] ...
-        distance_per_length: ... and per meter of its length, so that all of it is seen.
-        azimuth: relative to the heading of the route [deg]; 90 is from its right side, more looks back.
-        elevation: negative looks down [deg].
-        nearest: what is nearer to the camera is not drawn [m]; in large scenes MuJoCo would leave out more.
-        contact_gap: the contact geometry of the arena is drawn over its surface where its 95th percentile is farther
-            off than this [m], a step that is seen in the image; inf never draws it.
-        contact_uncovered: likewise where more than this share of the surface has no contact.
-        contact_opacity: how much of the surface contact hides, from 0 to 1.
-    """
 
-    lag: float = 0.5
-    distance: float = 0.75
-    distance_per_length: float = 0.95
-    azimuth: float = 105.0
-    elevation: float = -18.0
-    nearest: float = 0.03
-    contact_gap: float = 0.02
-    contact_uncovered: float = 0.01
-    contact_opacity: float = 0.35
-
-    def shows_contact(self, quality: ArenaQuality) -> bool:
-        """Return whether the contact of an arena differs visibly from its surface."""
-        return quality.p95 > self.contact_gap or (
-            np.isfinite(self.contact_gap) and quality.uncovered > self.contact_uncovered
-        )
+def shows_contact(quality: ArenaQuality) -> bool:
+    """Return whether the contact of an arena differs visibly from its surface."""
+    return quality.p95 > _CONTACT_GAP or quality.uncovered > _CONTACT_UNCOVERED
 
 
 def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
@@ -198,29 +189,27 @@ class SceneRenderer:
         height: int,
         length: float,
         heading: float,
-        config: CameraConfig | None = None,
         quality: ArenaQuality | None = None,
     ) -> None:
         """Prepare; windows and graphics contexts are made at the first image."""
-        config = config or CameraConfig()
-        self._lag = config.lag
-        model.vis.map.znear = min(model.vis.map.znear, config.nearest / max(model.stat.extent, 1e-6))
+        self._lag = _LAG
+        model.vis.map.znear = min(model.vis.map.znear, _NEAREST / max(model.stat.extent, 1e-6))
         self._model, self._data, self._size = model, data, (width, height)
         self._renderer: mujoco.Renderer | None = None
         self._window: Any = None
         self.camera = mujoco.MjvCamera()
         self.camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        self.camera.distance = config.distance + config.distance_per_length * length
-        self.camera.azimuth = config.azimuth + np.degrees(heading)
-        self.camera.elevation = config.elevation
+        self.camera.distance = _DISTANCE + _DISTANCE_PER_LENGTH * length
+        self.camera.azimuth = _AZIMUTH + np.degrees(heading)
+        self.camera.elevation = _ELEVATION
         self._sight = Sight(model, data)
         self._view: View | None = None
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
         self._option.geomgroup[[0, VISUAL_GROUP, SURFACE_GROUP]] = 1
-        if quality is not None and config.shows_contact(quality):
+        if quality is not None and shows_contact(quality):
             self._option.geomgroup[CONTACT_GROUP] = 1
-            model.geom_rgba[model.geom_group == CONTACT_GROUP, 3] = config.contact_opacity
+            model.geom_rgba[model.geom_group == CONTACT_GROUP, 3] = _CONTACT_OPACITY
         self._option.sitegroup[:] = 0
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
         self._middle: np.ndarray | None = None

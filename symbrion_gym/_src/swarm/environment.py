@@ -17,7 +17,7 @@ from symbrion_gym._src.swarm.docks import find_groups
 from symbrion_gym._src.swarm.options import SwarmOptions, make_world
 from symbrion_gym._src.swarm.placing import find_across, find_field, scatter
 from symbrion_gym._src.swarm.senses import Senses
-from symbrion_gym._src.swarm.signals.infrared import SignalConfig
+from symbrion_gym._src.swarm.signals.infrared import SATURATION, SignalConfig
 from symbrion_gym._src.swarm.signals.signals import Receptions, Signals, Transmissions
 from symbrion_gym._src.swarm.world import DECISION, SwarmCommands
 
@@ -135,7 +135,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.possible_agents = [f"robot_{index}" for index in range(count)]
         self.agents: list[str] = []
         self._action = {agent: spaces.Box(-1.0, 1.0, (15,), np.float32) for agent in self.possible_agents}
-        low, high = _find_bounds(self.world.scout.ir_range, light.saturation, self.world.scout.laser_range)
+        low, high = _find_bounds(self.world.scout.ir_range, SATURATION, self.world.scout.laser_range)
         self._observation = {agent: spaces.Box(low, high, dtype=np.float32) for agent in self.possible_agents}
         self._rng = np.random.default_rng()
         self._camera: SwarmCamera | None = None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import toys
 
-from evolution._src.backends.pool import PoolConfig
+from evolution._src.backends import pool as pools
 from evolution._src.backends.processes import ProcessBackend
 from evolution._src.errors import RunError
 from evolution._src.search.evaluation import make_backend
@@ -69,7 +69,7 @@ def test_a_wrong_run_comes_through_from_a_worker(make_pool):
 
 def test_a_worker_that_cannot_start_is_an_error_not_a_failed_genotype(make_pool, monkeypatch):
     pool = make_pool(toys.bowl)
-    monkeypatch.setattr(pool, "_simulate", "no_such_module:simulate")
+    monkeypatch.setattr(pools, "_simulate", "no_such_module:simulate")
     with pytest.raises(RunError, match="ended at its start"):
         pool.run(toys.make_jobs())
 
@@ -84,7 +84,7 @@ def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
     """A cluster that has lost a node has no room for as many as before."""
     jobs = toys.make_jobs()
     pool = make_pool(toys.bowl, 3)
-    monkeypatch.setattr(pool, "_start_many", lambda count: [] if pool.process_ids else [pool._start()])
+    monkeypatch.setattr(pools, "_start_many", lambda count: [] if pool.process_ids else [pool._start()])
     assert pool.run(jobs) == toys.bowl(jobs, 1)
     assert len(pool.process_ids) == 1
     monkeypatch.undo()
@@ -92,21 +92,15 @@ def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
     assert len(pool.process_ids) == 3
 
 
-def test_a_pool_follows_its_config():
+def test_a_pool_follows_its_constants(
+    monkeypatch,
+):
     jobs = toys.make_jobs(6)
-    backend = make_backend("processes", 2, simulate=toys.deadly, pool=PoolConfig(max_deaths=1))
+    monkeypatch.setattr(pools, "MAX_DEATHS", 1)
+    backend = make_backend("processes", 2, simulate=toys.deadly)
     try:
         outcomes = backend.run(jobs)
     finally:
         backend.close()
     errors = {outcome.error for job, outcome in zip(jobs, outcomes, strict=True) if job.genotype[0] > 0.3}
     assert errors == {"its worker died, once"}
-
-
-@pytest.mark.parametrize(
-    "arguments", [{"max_deaths": 0}, {"batches_per_worker": 0.5}, {"exit_timeout": -1.0}]
-)
-def test_pool_configs_refuse(arguments):
-    (name,) = arguments
-    with pytest.raises(RunError, match=name):
-        PoolConfig(**arguments)

@@ -11,10 +11,10 @@ import pytest
 import symbrion_gym as sg
 from evolution._src.errors import RunError
 from evolution._src.experiments.swarm import run
+from evolution._src.experiments.swarm.docking_trials import TrialSetup, run_docking_trials
 from evolution._src.experiments.swarm.film import choose_moments, draw_timeline
 from evolution._src.experiments.swarm.run import claim_folder, list_stories
 from evolution._src.experiments.swarm.story import StoryConfig, SwarmRunConfig, tell_story
-from evolution._src.experiments.swarm.weights_search import TrialSetup, run_docking_trials
 from symbrion_gym._src.swarm.behavior.hearing import HearingConfig
 from symbrion_gym._src.swarm.behavior.memory import Mode
 from symbrion_gym._src.swarm.placing import find_field

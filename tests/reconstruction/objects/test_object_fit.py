@@ -124,9 +124,7 @@ def test_meshes_that_are_no_objects_are_refused(mesh, words):
         make_model("thing", mesh)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"tolerance": 0.0}, {"noise": -1.0}, {"min_score": 1.5}]
-)
+@pytest.mark.parametrize("wrong", [{"tolerance": 0.0}, {"noise": -1.0}, {"min_score": 1.5}])
 def test_numbers_out_of_range_are_refused(wrong):
     with pytest.raises(ReconstructionError, match=next(iter(wrong))):
         ObjectsConfig(**wrong)

@@ -88,11 +88,6 @@ def test_large_coordinates_are_moved_by_whole_meters(extent: float, center: tupl
         assert np.abs(rounded - (points - offset)).max() <= 1e-6 * extent
 
 
-def test_the_step_of_the_offset_can_be_chosen() -> None:
-    offset = find_offset(sheet(10.0, (512_767.3, 0.0, 0.0)), FrameConfig(offset_step=100.0))
-    np.testing.assert_array_equal(offset, [512_800.0, 0.0, 0.0])
-
-
 def test_odd_sizes_are_described_and_others_are_not() -> None:
     for extent in (0.11, 5.0, 990.0):
         assert describe_odd_size(np.array([[0.0, 0, 0], [extent, 0, 0]])) is None

@@ -6,12 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from constants import with_constants
 
 import symbrion_gym as sg
 from reconstruction._src.scans.cloud import Cloud
+from symbrion_gym._src.arenas import texture
 from symbrion_gym._src.arenas.stretch import stretch_arena
 from symbrion_gym._src.arenas.texture import (
-    AtlasConfig,
     SurfaceTexture,
     iterate_texels,
     load_png,
@@ -59,7 +60,7 @@ def sample(mesh, num=500):
 def test_cells_never_overlap_and_all_triangles_have_a_place():
     mesh = trimesh.creation.icosphere(2)
     mesh.apply_scale([3.0, 1.0, 0.2])
-    atlas = make_atlas(np.asarray(mesh.triangles), 0.02, AtlasConfig())
+    atlas = make_atlas(np.asarray(mesh.triangles), 0.02)
     used = np.zeros((atlas.height, atlas.width), int)
     for cells in atlas.cells:
         for column, row in cells.corner:
@@ -71,14 +72,15 @@ def test_cells_never_overlap_and_all_triangles_have_a_place():
 
 def test_texels_grow_until_the_picture_holds_them():
     mesh = trimesh.creation.icosphere(3)
-    atlas = make_atlas(np.asarray(mesh.triangles), 1e-5, AtlasConfig(max_size=256))
+    with with_constants(texture, max_size=256):
+        atlas = make_atlas(np.asarray(mesh.triangles), 1e-5)
     assert (atlas.width, atlas.height) == (256, 256)
 
 
 def test_a_texel_shows_the_place_that_its_corners_say():
     mesh = make_ground()
     triangles = np.asarray(mesh.triangles)
-    atlas = make_atlas(triangles, 0.02, AtlasConfig())
+    atlas = make_atlas(triangles, 0.02)
     uv = atlas.find_uv()
     for at, face, places in iterate_texels(atlas, triangles):
         center = np.column_stack([(at[:, 0] + 0.5) / atlas.width, 1 - (at[:, 1] + 0.5) / atlas.height])
@@ -192,6 +194,3 @@ def test_what_has_no_colors_is_refused():
         arena.find_colors(np.zeros((1, 3)))
     with pytest.raises(ArenaError, match="colored points"):
         sg.color_arena(arena, Cloud(np.eye(3)))
-    for options in ({"max_size": 100}, {"max_cell": 4}):
-        with pytest.raises(ArenaError, match="power of two"):
-            AtlasConfig(**options)

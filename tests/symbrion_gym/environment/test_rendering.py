@@ -10,7 +10,7 @@ import symbrion_gym as sg
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.rendering import CameraConfig
+from symbrion_gym._src.environment.rendering import shows_contact
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -113,9 +113,7 @@ def test_contact_is_drawn_where_it_differs_visibly_from_the_surface():
 
 
 def test_contact_differs_by_distance_or_by_what_is_uncovered():
-    camera = CameraConfig()
-    assert not camera.shows_contact(ArenaQuality(0.001, 0.02, 0.3, 5))
-    assert camera.shows_contact(ArenaQuality(0.001, 0.03, 0.3, 5))
-    assert camera.shows_contact(ArenaQuality(0.001, 0.002, 0.3, 5, uncovered=0.02))
-    assert camera.shows_contact(ArenaQuality(np.inf, np.inf, np.inf, 5))
-    assert not CameraConfig(contact_gap=np.inf).shows_contact(ArenaQuality(1, 1, 1, 5, uncovered=1.0))
+    assert not shows_contact(ArenaQuality(0.001, 0.02, 0.3, 5))
+    assert shows_contact(ArenaQuality(0.001, 0.03, 0.3, 5))
+    assert shows_contact(ArenaQuality(0.001, 0.002, 0.3, 5, uncovered=0.02))
+    assert shows_contact(ArenaQuality(np.inf, np.inf, np.inf, 5))

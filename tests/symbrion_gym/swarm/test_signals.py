@@ -9,7 +9,7 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym._src.swarm.signals.infrared import SignalConfig, find_readings
+from symbrion_gym._src.swarm.signals.infrared import AMBIENT, FALLOFF, SATURATION, SignalConfig, find_readings
 from symbrion_gym._src.swarm.signals.signals import NO_MESSAGE, Signals, Transmissions, pass_on
 
 EXACT = SignalConfig(noise=0.0, relative_noise=0.0, message_loss=0.0)
@@ -35,7 +35,7 @@ def send(count, beacons=(), messages=()):
 def test_a_unit_at_one_meter_reads_the_gain():
     x, back = np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0])
     assert find_readings(np.zeros(3), x, x, back, EXACT) == pytest.approx(EXACT.gain)
-    assert find_readings(np.zeros(3), x, 2 * x, back, EXACT) == pytest.approx(EXACT.gain * 2**-EXACT.falloff)
+    assert find_readings(np.zeros(3), x, 2 * x, back, EXACT) == pytest.approx(EXACT.gain * 2**-FALLOFF)
     assert find_readings(np.zeros(3), back, x, back, EXACT) == 0.0
     assert find_readings(np.zeros(3), x, x, x, EXACT) == 0.0
 
@@ -47,7 +47,7 @@ def test_a_unit_at_one_meter_reads_the_gain():
 def test_readings_are_those_of_a_real_scouts_beacon(x, y, measured):
     """Means of symbrion-morph's data_set10 and data_set11 within 1 cm; both robots look along parallel lines."""
     ahead = np.array([0.0, 1.0, 0.0])
-    reading = EXACT.ambient + find_readings(np.zeros(3), ahead, np.array([x, y, 0.0]), -ahead, EXACT)
+    reading = AMBIENT + find_readings(np.zeros(3), ahead, np.array([x, y, 0.0]), -ahead, EXACT)
     assert reading == pytest.approx(measured, rel=0.2)
 
 
@@ -57,28 +57,28 @@ def test_the_side_that_looks_at_a_beacon_reads_it_and_its_nearer_unit_more():
     assert front.min() > 2.0
     assert front[0] != front[1]
     assert front[0] > front[1]  # left of a robot that looks back is nearer to the beacon's axis
-    np.testing.assert_array_equal(received.beacon[1, 2:4], EXACT.ambient)
-    np.testing.assert_array_equal(received.beacon[0], EXACT.ambient)
+    np.testing.assert_array_equal(received.beacon[1, 2:4], AMBIENT)
+    np.testing.assert_array_equal(received.beacon[0], AMBIENT)
 
 
 def test_a_third_robot_and_a_wall_are_in_the_way():
     free = [[0.0, 0.0, 0.0], [0.8, 0.0, np.pi]]
     sent = send(3, [(0, FRONT)])
     assert make_signals([*free, [0.4, 0.5, 0.0]]).exchange(sent).beacon[1, 0] > 5.0
-    assert make_signals([*free, [0.4, 0.0, 0.0]]).exchange(sent).beacon[1, 0] == EXACT.ambient
+    assert make_signals([*free, [0.4, 0.0, 0.0]]).exchange(sent).beacon[1, 0] == AMBIENT
     walled = make_signals(free, make_floor(make_sheet(0.4)))
-    assert walled.exchange(send(2, [(0, FRONT)])).beacon[1, 0] == EXACT.ambient
+    assert walled.exchange(send(2, [(0, FRONT)])).beacon[1, 0] == AMBIENT
 
 
 def test_beacons_add_up_and_readings_saturate():
     one = make_signals([[0.0, 0.0, 0.0], [0.3, 0.0, np.pi]]).exchange(send(2, [(0, FRONT)])).beacon[1, :2]
     near = make_signals([[0.0, 0.0, 0.0], [0.15, 0.0, np.pi]], config=SignalConfig(gain=1e4))
-    assert near.exchange(send(2, [(0, FRONT)])).beacon.max() == EXACT.saturation
+    assert near.exchange(send(2, [(0, FRONT)])).beacon.max() == SATURATION
     poses = [[0.0, 0.0, 0.0], [0.3, 0.0, np.pi / 2], [0.3, -0.3, np.pi / 2]]
     signals = make_signals(poses)
     both = signals.exchange(send(3, [(0, FRONT), (2, FRONT)])).beacon[1]
     alone = [signals.exchange(send(3, [each])).beacon[1] for each in ((0, FRONT), (2, FRONT))]
-    np.testing.assert_allclose(both - EXACT.ambient, sum(alone) - 2 * EXACT.ambient)
+    np.testing.assert_allclose(both - AMBIENT, sum(alone) - 2 * AMBIENT)
     assert (one > 20.0).all()
 
 
@@ -88,7 +88,7 @@ def test_messages_arrive_at_the_side_that_looks_at_them():
     assert received.message[1].tolist() == [NO_MESSAGE, 42, NO_MESSAGE, NO_MESSAGE]
     assert (received.message[0] == NO_MESSAGE).all()
     assert not received.collided.any()
-    assert (received.beacon == EXACT.ambient).all()
+    assert (received.beacon == AMBIENT).all()
 
 
 def test_messages_of_equal_strength_collide_and_a_much_stronger_one_is_read():

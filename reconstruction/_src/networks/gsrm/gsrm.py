@@ -295,7 +295,7 @@ def _fit(
     weights: Float[np.ndarray, " N"],
     is_movable: Bool[np.ndarray, " U"] | None,
     config: GSRMConfig,
-) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
+) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "G 3"]]:
     """Fit the mesh to the samples; where there are many, to few of them first.
 
     Creases need iterations, accuracy needs samples; below 20 samples a unit a third iteration would fit

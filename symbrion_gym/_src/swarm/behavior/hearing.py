@@ -22,7 +22,14 @@ from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.behavior.percepts import Heard, Wired, Words
 from symbrion_gym._src.swarm.behavior.steering import wrap
 from symbrion_gym._src.swarm.docks import find_dock_poses
-from symbrion_gym._src.swarm.signals.infrared import SignalConfig
+from symbrion_gym._src.swarm.signals.infrared import (
+    FALLOFF,
+    LOBE,
+    MESSAGE_THRESHOLD,
+    RECEPTION,
+    SIDE_SHARE,
+    SignalConfig,
+)
 from symbrion_gym._src.swarm.world import SwarmState
 
 
@@ -31,7 +38,7 @@ class HearingConfig:
     """How well broadcasts are received.
 
     `bias` and `bias_time` were fitted to half of the docking trials of real robots
-    (`evolution._src.experiments.swarm.weights_search`); the rest are estimates.
+    (`evolution._src.experiments.swarm.docking_trials`); the rest are estimates.
 
     Attributes:
         light: of infrared units; a dock is heard where it is bright enough for messages.
@@ -89,7 +96,7 @@ _SIDE_ANGLES = np.array([ScoutConfig().find_dock(side)[2] for side in SIDES])
 def find_geometry(state: SwarmState, speaks: Bool[np.ndarray, "N 4"], config: HearingConfig) -> Geometry:
     """Return which speaking docks reach which robots: bright enough, with no other robot between."""
     light = config.light
-    farthest = (2.0 * light.gain / light.message_threshold) ** (1.0 / light.falloff)
+    farthest = (2.0 * light.gain / MESSAGE_THRESHOLD) ** (1.0 / FALLOFF)
     place, axis = find_dock_poses(state)
     sender, side = np.nonzero(speaks)
     way = place[sender, side][None] - state.position[:, None]
@@ -105,7 +112,7 @@ def find_geometry(state: SwarmState, speaks: Bool[np.ndarray, "N 4"], config: He
     distance = np.maximum(far - own[receiver, off_sides.argmin(axis=-1)], 0.0)
     out = axis[sender, side]
     departure = wrap(np.arctan2(-way[:, 1], -way[:, 0]) - np.arctan2(out[:, 1], out[:, 0]))
-    kept = find_brightness(distance, departure, off_sides.min(axis=-1), light) > light.message_threshold
+    kept = find_brightness(distance, departure, off_sides.min(axis=-1), light) > MESSAGE_THRESHOLD
     found = Geometry(*(part[kept] for part in (receiver, sender, side, distance, bearing, departure)))
     shaded = _find_shaded(state.position, place, found.receiver, found.sender, found.side)
     return Geometry(*(part[~shaded] for part in found))
@@ -119,11 +126,9 @@ def find_brightness(
 ) -> Float[np.ndarray, "*S"]:
     """Return what both units of a side read of a dock in plain sight [counts]."""
     sent = np.maximum(np.cos(departure), 0.0)
-    lobe = ((1.0 - light.side_share) * sent**light.lobe + light.side_share) * (sent > 0.0)
+    lobe = ((1.0 - SIDE_SHARE) * sent**LOBE + SIDE_SHARE) * (sent > 0.0)
     near = np.maximum(distance, _NEAREST)
-    return (
-        2.0 * light.gain * lobe * np.maximum(np.cos(off_side), 0.0) ** light.reception * near**-light.falloff
-    )
+    return 2.0 * light.gain * lobe * np.maximum(np.cos(off_side), 0.0) ** RECEPTION * near**-FALLOFF
 
 
 def _find_shaded(

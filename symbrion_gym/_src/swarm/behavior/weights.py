@@ -22,7 +22,7 @@ class BehaviorWeights:
     """How robots steer and how long they try; each has bounds in `list_bounds`.
 
     All are estimates but `locate_speed`, which was fitted to docking trials of real robots
-    (`evolution._src.experiments.swarm.weights_search`).
+    (`evolution._src.experiments.swarm.docking_trials`).
 
     Attributes:
         explore_speed: [m/s]; faster robots find each other sooner, and run farther into what they meet.
