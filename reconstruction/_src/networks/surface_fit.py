@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int, Num
 
 from reconstruction._src.geometry.rows import find_lengths
 from reconstruction._src.networks.least_squares import NEIGHBOR_SHARE, FitConfig, find_chunk, fit_once
-from reconstruction._src.networks.som.padding import half_octave_length, pad_rows, padded_length
+from reconstruction._src.networks.som.compilation import half_octave_length, pad_rows, padded_length
 from reconstruction._src.networks.som.winners import find_winners
 
 _MIN_SAMPLES = 1024

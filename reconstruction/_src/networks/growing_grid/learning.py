@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from reconstruction._src.geometry.rows import find_lengths
 from reconstruction._src.networks.growing_grid.mesh import triangulate, unfold
 from reconstruction._src.networks.least_squares import FitConfig, find_chunk, fit_once
-from reconstruction._src.networks.som.padding import pad_rows, padded_length
+from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 from reconstruction._src.networks.som.winners import (
     MAX_CANDIDATES,
     Tiles,

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.networks.growing_grid.growth import Insertion, choose_line_pair, insert_lines
-from reconstruction._src.networks.som.padding import padded_length
+from reconstruction._src.networks.som.compilation import padded_length
 
 SIGMA = 0.9
 """Width of the neighborhood on the L1 distance in the grid (Fritzke's sigma)."""

@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from reconstruction._src.geometry.rows import find_lengths
+from reconstruction._src.networks.som.compilation import padded_length
 from reconstruction._src.networks.som.density import Density
-from reconstruction._src.networks.som.padding import padded_length
 from reconstruction._src.networks.som.winners import (
     Tiles,
     choose_num_candidates,

@@ -2,6 +2,9 @@
 
 import logging
 
+import numpy as np
+from jaxtyping import Shaped
+
 from reconstruction._src.base.cache import find_cache_folder
 
 logger = logging.getLogger(__name__)
@@ -21,3 +24,26 @@ def keep_compiled_programs() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def padded_length(length: int, minimum: int = 64) -> int:
+    """Return the smallest permitted length that holds `length`, of four sizes an octave."""
+    length = max(int(length), minimum)
+    step = max(1, 2 ** (length.bit_length() - 1) // 4)
+    return -(-length // step) * step
+
+
+def half_octave_length(length: int) -> int:
+    """Return the smallest permitted length that holds `length`, of two sizes an octave."""
+    step = 2 ** ((length - 1).bit_length() - 2)
+    return -(-length // step) * step
+
+
+def pad_rows(
+    array: Shaped[np.ndarray, "N ..."], length: int, value: float = 0
+) -> Shaped[np.ndarray, "length ..."]:
+    """Return `array` with rows of `value` added until it has `length` rows."""
+    if len(array) == length:
+        return array
+    padding = np.full((length - len(array), *array.shape[1:]), value, dtype=array.dtype)
+    return np.concatenate([array, padding])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reconstruction._src.networks.som.padding import half_octave_length, pad_rows, padded_length
+from reconstruction._src.networks.som.compilation import half_octave_length, pad_rows, padded_length
 
 
 def test_padding_has_few_sizes_and_wastes_little():
