@@ -18,13 +18,13 @@ from scipy.spatial import cKDTree
 import symbrion_gym as sg
 from evolution._src.report.error_map import add_friction, make_friction_legend
 from evolution._src.report.figures import DPI
-from evolution._src.report.framing import find_frame
 from evolution._src.report.raster import (
     OVERSAMPLING,
     Pixels,
     View,
     blend,
     draw_outlines,
+    find_frame,
     make_view,
     rasterize,
     reduce_samples,

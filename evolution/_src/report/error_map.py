@@ -14,13 +14,13 @@ from matplotlib.patches import Patch
 
 import symbrion_gym as sg
 from evolution._src.report.figures import DPI
-from evolution._src.report.framing import find_frame
 from evolution._src.report.raster import (
     OVERSAMPLING,
     Pixels,
     View,
     blend,
     draw_outlines,
+    find_frame,
     make_view,
     rasterize,
     reduce_samples,

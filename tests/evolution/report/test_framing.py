@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from benchmarks.material.driving_scenes import make_furnished_room, make_terrain
-from evolution._src.report.framing import find_frame
+from evolution._src.report.raster import find_frame
 
 
 def test_a_scene_without_flaps_is_shown_whole():
