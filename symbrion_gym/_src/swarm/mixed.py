@@ -17,9 +17,9 @@ from symbrion_gym._src.swarm.dynamic.assembly import Assembler
 from symbrion_gym._src.swarm.dynamic.motion import Motion
 from symbrion_gym._src.swarm.dynamic.transfer import Mating, read_motion
 from symbrion_gym._src.swarm.dynamic.world import DynamicConfig, DynamicWorld
-from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.kinematic.motion import (
+    KinematicConfig,
     find_headings,
     find_outlines,
     find_overlaps,

@@ -9,9 +9,8 @@ from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.docks import find_dock_poses
-from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym._src.swarm.kinematic.motion import Poses, hold_arms
+from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig, Poses, hold_arms
 from symbrion_gym._src.swarm.world import SwarmCommands
 
 EXACT = KinematicConfig(slip=0.0)

@@ -7,8 +7,8 @@ from made_ground import make_floor, make_sheet
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
 from symbrion_gym._src.swarm.signals.infrared import AMBIENT, FALLOFF, SATURATION, SignalConfig, find_readings
 from symbrion_gym._src.swarm.signals.signals import NO_MESSAGE, Signals, Transmissions, pass_on
 

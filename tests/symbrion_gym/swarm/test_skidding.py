@@ -8,8 +8,8 @@ from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
 from symbrion_gym._src.robot.tracks import find_skid_motion
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
-from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.skidding import balance, find_skids, find_track_points, interpolate
 from symbrion_gym._src.swarm.world import SwarmCommands
 

@@ -16,11 +16,11 @@ from symbrion_gym._src.swarm.docks import (
     make_organism,
     sort_links,
 )
-from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
 from symbrion_gym._src.swarm.kinematic.motion import (
     FULL,
     STAY,
     TURN,
+    KinematicConfig,
     Poses,
     avoid_overlaps,
     choose_roots,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.robot.scout_constants import ScoutConfig
-    from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
+    from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
     from symbrion_gym._src.swarm.sight import Sight
 
 _ROUNDING = 1e-9
