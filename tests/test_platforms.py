@@ -15,7 +15,7 @@ import pytest
 
 from evolution._src.backends.processes import open_pipe, share_pipe
 from evolution._src.cli.command import UsageError, require_writable_folder
-from evolution._src.cli.streams import is_unread
+from evolution._src.cli.console import is_unread
 from evolution._src.report.body_page import describe_machine
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.cache import CACHE_VARIABLE, find_cache_folder

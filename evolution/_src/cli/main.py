@@ -17,8 +17,7 @@ import tyro
 
 from evolution._src.cli.command import Command, UsageError
 from evolution._src.cli.commands import COMMANDS
-from evolution._src.cli.console import Console
-from evolution._src.cli.streams import flush_streams, is_unread, prepare_streams
+from evolution._src.cli.console import Console, flush_streams, is_unread, prepare_streams
 from evolution._src.cli.usage_errors import flatten_report
 from evolution._src.errors import RunError
 from reconstruction._src.base.errors import ReconstructionError, ScanError
