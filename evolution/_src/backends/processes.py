@@ -1,6 +1,6 @@
 """Jobs over processes of this machine.
 
-Workers are started by `python -m evolution._src.backends.worker`, not by fork (MuJoCo and JAX hold threads) nor by
+Workers are started by `python -m evolution._src.backends.processes`, not by fork (MuJoCo and JAX hold threads) nor by
 `multiprocessing`'s spawn (which runs the caller's script again).
 """
 
@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
 from evolution._src.backends.pool import EXIT_TIMEOUT, Reply, WorkerPool
-from evolution._src.backends.simulation import Simulate, name_simulate
+from evolution._src.backends.simulation import Simulate, find_simulate, name_simulate, run_isolated
 from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
 
@@ -69,7 +69,7 @@ class ProcessBackend(WorkerPool[_Worker]):
             sys.executable,
             "-P",
             "-m",
-            "evolution._src.backends.worker",
+            "evolution._src.backends.processes",
             str(theirs.fileno()),
             self._simulate,
         ]
@@ -111,3 +111,24 @@ class ProcessBackend(WorkerPool[_Worker]):
         except subprocess.TimeoutExpired:
             worker.process.kill()
             worker.process.wait()
+
+
+def main(descriptor: int, simulate_name: str) -> None:
+    """Serve until the other end closes."""
+    connection = open_pipe(descriptor)
+    simulate = find_simulate(simulate_name)
+    try:
+        connection.send(READY)
+        while True:
+            jobs = connection.recv()
+            try:
+                reply = run_isolated(simulate, jobs, 1)
+            except RunError as error:
+                reply = error
+            connection.send(reply)
+    except (EOFError, OSError, KeyboardInterrupt):
+        connection.close()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2])
