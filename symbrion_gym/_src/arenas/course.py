@@ -6,6 +6,7 @@ pictures) and its exact convex pieces (for contact).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -15,7 +16,6 @@ from jaxtyping import Float, Int
 
 from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.geometry.rows import make_hull
-from symbrion_gym._src.arenas.color_patterns import check_pattern
 from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym._src.errors import ArenaError
 
@@ -338,3 +338,43 @@ def _is_ear(polygon: Float[np.ndarray, "P 2"], ear: tuple[int, int, int], left: 
 def _turn(a: Float[np.ndarray, " 2"], b: Float[np.ndarray, " 2"], c: Float[np.ndarray, " 2"]) -> float:
     """Return twice the signed area of a, b, c: above zero for a turn to the left."""
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+_EDGE = 0.3
+"""Of a cube of the checker, and width of a stripe [m]."""
+_SHIFT = np.array([0.15, 0.0, 0.125])
+"""Of the cubes: no floor, plateau or wall of the courses lies on a side of one [m]."""
+_CHECKER = np.array([[0.85, 0.45, 0.20], [0.15, 0.35, 0.65]])
+_STRIPES = np.array([[0.80, 0.25, 0.25], [0.90, 0.80, 0.30], [0.25, 0.60, 0.35], [0.30, 0.40, 0.75]])
+_WAVES = np.array([[0.9, 0.4, 0.5], [-0.6, 1.1, 0.7], [0.5, -0.8, 1.3]])
+"""Wave vectors of red, green and blue in the gradient [rad/m]."""
+_MIDDLE, _SWING = 0.5, 0.35
+"""Of a channel of the gradient."""
+
+
+def _paint_checker(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+    cube = np.floor((places - _SHIFT) / _EDGE).astype(np.int64)
+    return _CHECKER[cube.sum(axis=1) % len(_CHECKER)]
+
+
+def _paint_stripes(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+    stripe = np.floor((places[:, 0] - _SHIFT[0]) / _EDGE).astype(np.int64)
+    return _STRIPES[stripe % len(_STRIPES)]
+
+
+def _paint_gradient(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+    return _MIDDLE + _SWING * np.sin(places @ _WAVES.T)
+
+
+PATTERNS: dict[str, Callable[[Float[np.ndarray, "N 3"]], Float[np.ndarray, "N 3"]]] = {
+    "checker": _paint_checker,
+    "stripes": _paint_stripes,
+    "gradient": _paint_gradient,
+}
+"""Name -> the function that returns red, green and blue (0 to 1) of positions [m]."""
+
+
+def check_pattern(pattern: str | None) -> None:
+    """Refuse a pattern that there is not; None is none."""
+    if pattern is not None and pattern not in PATTERNS:
+        raise ArenaError(f"color_pattern is {pattern!r}; there are: {', '.join(PATTERNS)}, or None")

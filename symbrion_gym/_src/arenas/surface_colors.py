@@ -12,8 +12,7 @@ from jaxtyping import Float, Int, UInt8
 from reconstruction._src.geometry.rows import find_areas
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.surfaces.color import WHITE, add_alpha
-from symbrion_gym._src.arenas.color_patterns import PATTERNS
-from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.course import PATTERNS, Course, StairsCourse
 from symbrion_gym._src.arenas.texture import SurfaceTexture, paint_texture
 from symbrion_gym._src.errors import ArenaError
 
