@@ -21,10 +21,9 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.robot.organism import Organism
     from symbrion_gym._src.robot.scout_sensors import SensorNoise
-    from symbrion_gym._src.tasks.criteria import SuccessCriteria
     from symbrion_gym._src.tasks.features.gap import GapSearch
     from symbrion_gym._src.tasks.recorders import Recorder
-    from symbrion_gym._src.tasks.route import Point, RouteMargins, StartName
+    from symbrion_gym._src.tasks.route import Point, RouteMargins, StartName, SuccessCriteria
     from symbrion_gym._src.tasks.task import Task
 
 SCOUT_OPTIONS = ("hinge_torque", "track_speed", "tracks", "friction")

@@ -11,13 +11,12 @@ from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.criteria import SuccessCriteria
 from symbrion_gym._src.tasks.explore import make_explore
 from symbrion_gym._src.tasks.features import GapSearch, Way, find_gap, find_ramp, find_stairs, find_step
 from symbrion_gym._src.tasks.goals import PassFinish
 from symbrion_gym._src.tasks.objects import ReachObject
 from symbrion_gym._src.tasks.reach import ReachPlaces
-from symbrion_gym._src.tasks.route import Point, Route, RouteMargins, StartName
+from symbrion_gym._src.tasks.route import Point, Route, RouteMargins, StartName, SuccessCriteria
 from symbrion_gym._src.tasks.starts import Start, make_route
 from symbrion_gym._src.tasks.task import (
     Task,

@@ -11,8 +11,7 @@ from jaxtyping import Bool, Float, Int
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.tasks.checked_terms import check_function
-from symbrion_gym._src.tasks.criteria import SuccessCriteria
-from symbrion_gym._src.tasks.route import Route
+from symbrion_gym._src.tasks.route import Route, SuccessCriteria
 from symbrion_gym._src.tasks.scene import HostArrays, Scene
 
 UPPER_MEASURES = ("progress", "way", "tick", "rear")

@@ -12,9 +12,8 @@ from jaxtyping import Float
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.criteria import SuccessCriteria
 from symbrion_gym._src.tasks.goals import PassFinish
-from symbrion_gym._src.tasks.route import Route
+from symbrion_gym._src.tasks.route import Route, SuccessCriteria
 from symbrion_gym._src.tasks.starts import Start
 from symbrion_gym._src.tasks.state import TaskState
 from symbrion_gym._src.tasks.storage import describe, restore

@@ -11,11 +11,10 @@ from jaxtyping import Bool, Float
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.criteria import SuccessCriteria
 from symbrion_gym._src.tasks.goals import PassFinish, find_honest, find_standing
 from symbrion_gym._src.tasks.objects import DockAtObject
 from symbrion_gym._src.tasks.paths import find_path
-from symbrion_gym._src.tasks.route import Point, Route, StartName, find_route
+from symbrion_gym._src.tasks.route import Point, Route, StartName, SuccessCriteria, find_route
 from symbrion_gym._src.tasks.starts import Start
 from symbrion_gym._src.tasks.state import TaskState, add_up
 from symbrion_gym._src.tasks.task import Task, make_rewards

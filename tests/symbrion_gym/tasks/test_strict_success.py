@@ -9,8 +9,8 @@ import pytest
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.tasks.criteria import SuccessCriteria
 from symbrion_gym._src.tasks.goals import find_across, find_honest_along, find_standing
+from symbrion_gym._src.tasks.route import SuccessCriteria
 from symbrion_gym._src.tasks.scene import Scene
 from symbrion_gym._src.tasks.state import TaskState, Views
 from symbrion_gym._src.tasks.terminations import FellOff, RolledOver, Stuck, TouchedPit

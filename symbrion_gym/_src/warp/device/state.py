@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.errors import TaskError
-from symbrion_gym._src.tasks.criteria import SuccessCriteria
+from symbrion_gym._src.tasks.route import SuccessCriteria
 from symbrion_gym._src.tasks.scene import Scene
 
 _EDGE_TOLERANCE = 1e-5
