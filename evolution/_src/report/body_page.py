@@ -18,8 +18,7 @@ from evolution._src.body_search.learning import LevelResult
 from evolution._src.body_search.run import BodyRun
 from evolution._src.champions.playback import play
 from evolution._src.errors import RunError
-from evolution._src.report.bodies import draw_bodies
-from evolution._src.report.figures import to_png
+from evolution._src.report.figures import draw_bodies, to_png
 from evolution._src.report.page import Card, Page
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_count, format_energy

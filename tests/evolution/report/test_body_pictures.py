@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.patches import Polygon
 
 from evolution._src.bodies.genome import parse_genome
-from evolution._src.report.bodies import draw_bodies
+from evolution._src.report.figures import draw_bodies
 
 
 def test_every_module_is_a_square_where_it_lies():

@@ -151,8 +151,7 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
 
 def _draw_best(run: BodyRun, path: Path) -> None:
     """Draw the fittest bodies with their fitness."""
-    from evolution._src.report.bodies import draw_bodies
-    from evolution._src.report.figures import to_png
+    from evolution._src.report.figures import draw_bodies, to_png
 
     best: dict[str, LevelResult] = {}
     for result in sorted(run.record.results, key=lambda each: (each.level, each.fitness), reverse=True):
