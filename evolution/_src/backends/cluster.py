@@ -192,7 +192,7 @@ def run_in_cluster(workers: int, address: str | None = None) -> RunJobs:
 
 
 EXACT_BACKENDS = ("batch", "processes", "ray")
-"""Their results are equal to the bit."""
+"""Their results are bit-identical."""
 BACKENDS = (*EXACT_BACKENDS, "warp")
 """The last one is a GPU in single precision, whose results are equal in distribution only."""
 LOCAL_BACKENDS = ("batch", "warp")

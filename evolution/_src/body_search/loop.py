@@ -1,7 +1,7 @@
 """The search for bodies: ask an algorithm, let bodies learn, tell it, record everything.
 
 A run resumes by going through the same code from its beginning, with results from the record instead of physics; so
-what follows is the same to the bit.
+what follows is bit-identical.
 """
 
 from __future__ import annotations

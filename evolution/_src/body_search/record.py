@@ -1,6 +1,6 @@
 """Everything that bodies have learned, as JSON: the checkpoint of a search for bodies.
 
-The search is a function of the results. To resume it, it begins anew and takes from the record what was tried before,
+The search is a function of the results. To resume it, it begins again and takes from the record what was tried before,
 so that nothing but numbers and text is stored.
 """
 

@@ -154,7 +154,7 @@ def make_champion_trials(
     allow: Collection[str] = (),
     **others: Any,
 ) -> Trials:
-    """Return trials of a champion: its body, its controller and its task, all found anew in the arena."""
+    """Return trials of a champion: its body, its controller and its task, all found again in the arena."""
     champion = restore(champion, allow)
     episode = champion.episode
     if start is None and isinstance(episode.find_start(), str):

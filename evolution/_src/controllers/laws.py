@@ -1,7 +1,7 @@
 """Control laws: plain functions from sensed quantities and genotypes to hinge targets, on any tree of modules.
 
 A population steps as arrays, and the result for one genotype never depends on the others in the batch (element-wise
-arithmetic only, to the bit). Each hinge joins its own module to the one ahead, docked to its front; a positive angle
+arithmetic only). Each hinge joins its own module to the one ahead, docked to its front; a positive angle
 lifts what is ahead. In a snake, hinge i joins module i, counted from the head, to module i + 1 behind it.
 """
 

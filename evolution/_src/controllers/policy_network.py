@@ -73,7 +73,7 @@ class PolicyNetwork:
         structure: Structure,
         state: HeldDecision,
     ) -> tuple[Float[np.ndarray, "P A"], HeldDecision]:
-        """Return the actions, decided anew where the last decision is old."""
+        """Return the actions, decided again where the last decision is old."""
         is_due = state.age >= HOLD
         inputs = np.concatenate([observation[:, structure[name]] for name in self.sensors], axis=1)
         decided = self.find_actions(self._think(inputs.astype(float), genotype))

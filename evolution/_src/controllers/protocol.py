@@ -28,7 +28,7 @@ class OutOfBoundsWarning(UserWarning):
 class Controller(Protocol):
     """What moves a body: from observations and genotypes to actions, at every control step.
 
-    A controller steps P simulations as arrays. The action of a row must depend on that row alone, to the bit, so that
+    A controller steps P simulations as arrays. The action of a row must depend on that row alone, bit for bit, so that
     the outcome of a genotype does not depend on others tried at the same time.
 
     Attributes:
@@ -123,7 +123,7 @@ def warn_of_bounds(controller: Controller, genotypes: Float[np.ndarray, "*P G"],
 def reset_rows(
     controller: Controller, state: Any, rows: Int[np.ndarray, " R"] | Bool[np.ndarray, " P"] | list[int]
 ) -> Any:
-    """Return a state in which some controllers begin anew."""
+    """Return a state in which some controllers begin again."""
     arrays = find_arrays(state)
     return _combine(state, controller.begin(len(arrays[0])), rows) if arrays else state
 

@@ -1,4 +1,4 @@
-"""The covariance matrix adaptation strategy behind ask and tell, reproducible to the bit.
+"""The covariance matrix adaptation strategy behind ask and tell, bit-identically reproducible.
 
 pycma draws from NumPy's global random state. Here each strategy owns its state and makes it the
 global one only during a call, so that equal seeds and equal fitness give equal genotypes whatever

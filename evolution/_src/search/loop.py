@@ -1,7 +1,7 @@
 """The loop: ask for genotypes, try them, tell their fitness, validate candidates, record everything.
 
 A run resumes by replaying its recorded generations through the same code, with outcomes from the record instead of
-physics; so what follows is the same to the bit.
+physics; so what follows is bit-identical.
 """
 
 import logging

@@ -1,6 +1,6 @@
 """Arithmetic along rows of two or three: column by column, many times as fast as NumPy's along so short an axis.
 
-All results are the same as NumPy's, to the bit.
+All results are bit-identical to NumPy's.
 """
 
 from __future__ import annotations

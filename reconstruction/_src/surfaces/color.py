@@ -105,7 +105,9 @@ def match_colors(known: Cloud, added: Cloud) -> tuple[Cloud, str]:
     if known.colors is None:
         if added.colors is None:
             return added, ""
-        note = "those of the new readings were dropped: the first ones have none; reconstruct all points anew"
+        note = (
+            "those of the new readings were dropped: the first ones have none; reconstruct all points again"
+        )
         return added.replace(colors=None), note
     if added.colors is not None:
         return added, ""

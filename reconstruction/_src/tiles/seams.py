@@ -293,7 +293,7 @@ def _meet_corners(
             meeting = [surfaces[shift] for shift in ((0, 0), (x, 0), (0, y), (x, y)) if shift in surfaces]
             for number in np.flatnonzero((np.abs(vertices[:, :2] - corner) <= _ON_BORDER).all(axis=1)):
                 heights = []
-                for surface in meeting:  # the tile's own, too: all four compute the same, to the bit
+                for surface in meeting:  # the tile's own, too: all four compute bit-identical values
                     found = _find_heights(surface, corner)
                     gaps = np.abs(found - vertices[number, 2])
                     heights += [float(found[gaps.argmin()])] if len(found) and gaps.min() <= max_gap else []

@@ -300,7 +300,6 @@ def color_arena(arena: Arena, cloud: Cloud) -> Arena:
     Args:
         arena: stays as it is.
         cloud: colored points, in the frame of the arena: coordinates of the scan minus `arena.offset` [m].
-        config: how fine the texture is.
 
     Raises:
         ArenaError: the points have no colors.

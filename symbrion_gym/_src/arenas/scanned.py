@@ -153,21 +153,21 @@ def _find_backs_below_sky(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"]:
 
 def find_doubts(scanned: ScannedSurface) -> list[str]:
     """Return what a user may have meant otherwise: a size that is none of a robot's place, a room without viewpoint."""
-    doubts = []
+    warnings = []
     vertices = np.asarray(scanned.mesh.vertices)
     if scanned.points is None and vertices.ndim == 2 and np.isfinite(vertices).all():
         odd = describe_odd_size(vertices)
         if odd:
-            doubts.append(
+            warnings.append(
                 f"{scanned.source}: {odd}; a mesh is read in meters: give its unit or scale (--unit, --scale) if it is "
                 "in another unit"
             )
     if not scanned.is_oriented and scanned.mesh.is_watertight and scanned.mesh.volume < 0:
-        doubts.append(
+        warnings.append(
             f"{scanned.source}: a closed mesh whose faces look inwards is taken as a solid body; if it is a room, "
             "give viewpoints (--viewpoint X Y Z)"
         )
-    return doubts
+    return warnings
 
 
 def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFrame) -> ScannedSurface:

@@ -1,7 +1,7 @@
 """Episodes of N simulations: commands in, rewards and endings out. Single and vector environment share it.
 
 All is computed as arrays over the simulations, one simulation included, so that every row comes out alike whatever N
-is, to the bit. In most ticks nothing happens: `symbrion_gym._src.tasks.watch` knows it from a few measurements, and
+is, bit for bit. In most ticks nothing happens: `symbrion_gym._src.tasks.watch` knows it from a few measurements, and
 terminations, goal and the rewards at the end are not even called.
 """
 
@@ -181,7 +181,7 @@ class Episodes:
             recorder.record(self.state, active)
 
     def read_records(self, row: int) -> dict[str, Any]:
-        """Return what the recorders kept of the present episode of a simulation, until it begins anew."""
+        """Return what the recorders kept of the present episode of a simulation, until it begins again."""
         return {name: value for each in self._recorders for name, value in each.read(self.state, row).items()}
 
     def command(

@@ -35,7 +35,7 @@ _DIVERGED = BASE_FLAGS.index("diverged")
 
 
 class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Many `OrganismEnv` at once, equal to them to the bit for equal seeds and actions.
+    """Many `OrganismEnv` at once, bit-identical to them for equal seeds and actions.
 
     Made by `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` or directly. It takes the
     options of `OrganismEnv`, all simulations having the same arena and organism, and these:

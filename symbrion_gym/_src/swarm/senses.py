@@ -59,7 +59,7 @@ class Senses:
         self.reset(seed)
 
     def reset(self, seed: int = 0) -> None:
-        """Start the noise and the odometry anew; call it after a reset of the world."""
+        """Restart the noise and the odometry; call it after a reset of the world."""
         self._rng = np.random.default_rng(seed)
         self._run = np.zeros((self._world.num_robots, 2))
 

@@ -278,7 +278,7 @@ def find_not_faced(
     motion: Motion, is_end: Bool[np.ndarray, " T"], scene: Scene, goal: ReachObject
 ) -> list[str]:
     """Return whether the head does not end near the front of the object, and turned to it."""
-    head, ahead, face, _ = _object_judge_find_end(motion, is_end, scene, goal)
+    head, ahead, face, _ = _find_object_end(motion, is_end, scene, goal)
     offset = face - head
     away = np.linalg.norm(offset, axis=1)
     x = np.array([pose.x for pose in scene.organism.find_poses()])
@@ -297,7 +297,7 @@ def find_not_docked(
     motion: Motion, is_end: Bool[np.ndarray, " T"], scene: Scene, goal: DockAtObject
 ) -> list[str]:
     """Return whether the dock does not end at the front of the object, or not aligned with it."""
-    head, ahead, face, front = _object_judge_find_end(motion, is_end, scene, goal)
+    head, ahead, face, front = _find_object_end(motion, is_end, scene, goal)
     offset = head + scene.organism.scout.arm_reach * ahead - face
     side = np.array([-front[1], front[0]])
     off = np.abs(np.stack([offset @ front, offset @ side])).max()
@@ -310,7 +310,7 @@ def find_not_docked(
     return faults
 
 
-def _object_judge_find_end(
+def _find_object_end(
     motion: Motion, is_end: Bool[np.ndarray, " T"], scene: Scene, goal: ReachObject
 ) -> tuple[
     Float[np.ndarray, "L 2"], Float[np.ndarray, "L 2"], Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]

@@ -254,7 +254,7 @@ class TaskState(HostArrays):
         self._local[:, :, 2] = self.position[:, :, 2]
 
     def remember(self, name: str, initial: Initial) -> np.ndarray:
-        """Return an array `[N, ...]` that a term may change; in each simulation it begins anew with the episode."""
+        """Return an array `[N, ...]` that a term may change; in each simulation it begins again with the episode."""
         if name not in self.memory:
             value = initial(self) if callable(initial) else np.asarray(initial)
             shape = value.shape if callable(initial) else (self.num, *value.shape)

@@ -258,7 +258,7 @@ def find_traversability(
 ) -> TraversabilityMap:
     """Map where a body can drive.
 
-    Equal arenas give equal maps, to the bit.
+    Equal arenas give bit-identical maps.
     """
     footprint, config = footprint or Footprint(), config or TraversabilityConfig()
     if not len(surface.faces) or (not pieces and height_field is None):

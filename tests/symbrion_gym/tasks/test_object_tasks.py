@@ -13,7 +13,7 @@ from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import ArenaError, TaskError
 from symbrion_gym._src.tasks.audit import Trajectory
 from symbrion_gym._src.tasks.objects import DockAtObject, ReachObject
-from symbrion_gym._src.tasks.second_judge import audit_task
+from symbrion_gym._src.tasks.task_audit import audit_task
 
 FACING = np.diag([-1.0, -1.0, 1.0])
 """The front points along -x, to the start."""

@@ -63,7 +63,7 @@ def retreat(here: Situation) -> Tracks:
 
 
 def wait(here: Situation) -> Tracks:
-    """Face the beacon; leave the way to it for another that is accepted; draw nearer where asking is in vain."""
+    """Face the beacon; leave the way to it for another that is accepted; draw nearer where asking has no success."""
     beacon, weights, memory = here.percepts.beacon, here.weights, here.memory
     is_taken = beacon.is_heard & (beacon.accepts != NOBODY)
     aside = _find_aside(here)

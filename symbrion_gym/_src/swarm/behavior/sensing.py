@@ -34,7 +34,7 @@ class Sensing:
         self.reset(seed)
 
     def reset(self, seed: int = 0) -> None:
-        """Start all noise and the odometry anew; call it after a reset of the world."""
+        """Restart all noise and the odometry; call it after a reset of the world."""
         self._rng = np.random.default_rng((seed, 7))
         self._senses.reset(seed)
         self._run = np.zeros((self._world.num_robots, 2))

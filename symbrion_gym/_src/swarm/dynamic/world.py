@@ -75,7 +75,7 @@ class DynamicWorld:
     """N Scouts in full contact; latched ones mate, then move as the very tree of an `Organism`.
 
     A latched pair is held by a weld, which pulls it to its exact pose in `DockConfig.mating_time`. Then the model is
-    compiled anew with both in one tree, and the state is carried over; a release is the reverse. In an organism, arms
+    compiled again with both in one tree, and the state is carried over; a release is the reverse. In an organism, arms
     whose front dock is free fold up, whatever they are told, and are then part of the chassis, as in every `Organism`;
     only where such a dock is told to latch, its arm does as it is told.
 
@@ -235,7 +235,7 @@ class DynamicWorld:
         self._links, self._torn = sort_links([*kept, *new]), frozenset()
 
     def _change_layout(self, latch: Bool[np.ndarray, "N 4"]) -> None:
-        """Compile the model anew where robots have become one tree, or several.
+        """Compile the model again where robots have become one tree, or several.
 
         Docks that have mated wait as welds if a tree would move the robots by more than `_LARGEST_JUMP`.
         """

@@ -201,7 +201,7 @@ class KinematicWorld:
         )
 
     def set_state(self, state: SwarmState, time: float) -> None:
-        """Go on from a state, also one of another level of physics; latched pairs mate anew.
+        """Go on from a state, also one of another level of physics; latched pairs mate again.
 
         Args:
             state: of the robots.

@@ -88,7 +88,7 @@ class Signals:
         self.reset(seed)
 
     def reset(self, seed: int = 0) -> None:
-        """Start the noise anew."""
+        """Restart the noise."""
         self._rng = np.random.default_rng(seed)
 
     def exchange(self, sent: Transmissions) -> Receptions:

@@ -34,7 +34,7 @@ class Starts(NamedTuple):
 
 
 class StartingEnv(OrganismVectorEnv):
-    """An environment that only lays bodies down: the same code, and the same numbers to the bit, as on the host."""
+    """An environment that only lays bodies down: the same code as on the host, with bit-identical numbers."""
 
     _has_called = False
 

@@ -8,8 +8,8 @@ from symbrion_gym._src.robot.body_plans import make_random_organism
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.tasks.audit import Trajectory
-from symbrion_gym._src.tasks.second_judge import audit_task
 from symbrion_gym._src.tasks.starts import place_tree
+from symbrion_gym._src.tasks.task_audit import audit_task
 
 DRIVES = {
     "cross_gap": {"arena": "truth", "pit": 0.2, "modules": 5, "start": "pit"},

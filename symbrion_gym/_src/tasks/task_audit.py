@@ -1,4 +1,4 @@
-"""The second judge of every task: is a recorded success one, and honest? It shares the definition with the first alone.
+"""The audit of every task: is a recorded success honest? It shares the definition alone with the success check.
 
 It sees generalized coordinates, the surface, and where the task says that the body should be. Where every module was,
 it works out by itself (`symbrion_gym._src.tasks.starts`), and it looks for the traces of a cheat as `audit` does.
@@ -123,9 +123,7 @@ def _find_bad_goal(case: _Case, goal: object) -> list[str]:
         return _find_unseen(case, goal)
     if isinstance(goal, StandUp):
         return []
-    raise TaskError(
-        f"there is no second judge for {goal!r}; write one like `symbrion_gym._src.tasks.second_judge`"
-    )
+    raise TaskError(f"there is no audit for {goal!r}; write one like `symbrion_gym._src.tasks.task_audit`")
 
 
 def _find_not_across(case: _Case) -> list[str]:
