@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction._src.geometry.orientation import looks_down_below, orient_outwards
+from reconstruction._src.geometry.orientation import looks_down_below, orient_outwards, orient_to_viewpoints
 
 
 def find_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -61,3 +61,13 @@ def test_a_room_from_outside_looks_down_below_and_terrain_does_not():
     assert not looks_down_below(np.asarray(ground.vertices), np.asarray(ground.faces)[top])
     assert not looks_down_below(np.eye(3), np.array([[0, 1, 2]]))
     assert not looks_down_below(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+
+
+def test_a_large_face_outvotes_slivers():
+    vertices = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0], [2, -0.05, 0], [-0.05, 2, 0], [2.05, 2.05, 0]])
+    faces = np.array([[0, 1, 2], [1, 0, 3], [0, 2, 4], [2, 1, 5]])
+    viewpoints = np.array([[1.0, 1.0, 5.0], [1.0, 1.0, -5.0]])
+    middle = vertices[faces].mean(axis=1)
+    turned, _ = orient_to_viewpoints(vertices, faces, middle, viewpoints, np.array([0, 1, 1, 1]))
+    a, b, c = (turned.vertices[turned.faces[0, k]] for k in range(3))
+    assert np.cross(b - a, c - a)[2] > 0

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import reconstruction._src.base.extras
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
+from reconstruction._src.scans import e57
 from reconstruction._src.scans.cloud_file import load_cloud
 from reconstruction._src.scans.formats import load_points
 
@@ -144,3 +145,9 @@ def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"an \.e57 file needs the extra 'formats'"):
         load_cloud(path)
+
+
+def test_spherical_coordinates_are_those_of_the_standard():
+    polar = np.array([[2.0, np.radians(30.0), np.radians(60.0)], [1.0, 0.0, 0.0], [1.0, np.pi / 2, 0.0]])
+    expected = [[np.sqrt(3) / 2, 0.5, np.sqrt(3)], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    np.testing.assert_allclose(e57._to_cartesian(polar), expected, atol=1e-12)

@@ -155,3 +155,15 @@ def test_refusals():
     ):
         with pytest.raises(OptionError, match=next(iter(options))):
             SignalConfig(**options)
+
+
+def test_a_message_is_read_from_one_and_a_half_counts_on():
+    read = []
+    for distance in np.linspace(1.0, 3.8, 15):
+        signals = make_signals([[-distance / 2, 0.0, 0.0], [distance / 2, 0.0, np.pi]])
+        light = signals.exchange(send(2, [(0, FRONT)])).beacon[1].reshape(4, 2)[FRONT].sum() - 2 * AMBIENT
+        message = signals.exchange(send(2, messages=[(0, FRONT, 5)])).message[1, FRONT]
+        read.append(message == 5)
+        assert read[-1] == (light >= 1.5), (distance, light)
+    assert read[0]
+    assert not read[-1]

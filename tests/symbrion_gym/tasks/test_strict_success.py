@@ -215,6 +215,19 @@ def test_a_body_must_stand_for_three_tenths_of_a_second(frame_skip, ticks):
     assert count_ticks(World(config)) == ticks
 
 
+def test_a_body_that_tips_back_begins_to_stand_again():
+    world = World(EnvironmentConfig(modules=3, pit=2 * FAR_EDGE))
+    needed, state = count_ticks(world), find_state(world, *lay(tail=0.12))
+    watch = Watch(world.task, state)
+    watch.begin([0])
+    stands = iter([True] * (needed - 1) + [False] + [True] * (needed - 1) + [False])
+    watch._has_arrived = lambda state: np.array([next(stands)])
+    for _ in range(2 * needed):
+        state.advance(None, is_sound=True)
+        watch.look(None, is_sound=True)
+        assert not watch.flags[0, 0]
+
+
 def count_ticks(world: World) -> int:
     """Return after how many ticks a body that stands beyond the finish has succeeded."""
     state = find_state(world, *lay(tail=0.12))
