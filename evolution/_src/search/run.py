@@ -145,9 +145,8 @@ class RunFolder:
     def write_config(self, config: EvolutionConfig) -> None:
         """Write `config.json`; the versions are those that the run began with."""
         began = self._read_json(CONFIG) if (self.path / CONFIG).exists() else describe_origin()
-        more = {"record": RECORD} if (self.path / RECORD).exists() else {}
-        if config.backend == "warp":
-            more["resumes"] = IN_DISTRIBUTION  # stays when the run goes on elsewhere
+        # what is said of backend "warp" stays when the run goes on elsewhere
+        more = {"resumes": IN_DISTRIBUTION} if config.backend == "warp" else {}
         self._replace(CONFIG, _to_json(began | more | {"config": config.to_json()}))
 
     def remove(self) -> None:
@@ -180,18 +179,16 @@ class RunFolder:
             self._replace(CHAMPION, _to_json(run.champion.as_dict()))
 
     def read_record(self, config: EvolutionConfig) -> Record:
-        """Read `record.npz`.
-
-        In a run that an older release began it is missing until the first generation is finished.
-        """
+        """Read `record.npz`."""
         path = self.path / RECORD
         if path.exists() and not path.is_file():
             raise RunError(f"{path} is no regular file; restore it from a copy")
         try:
             content = path.read_bytes()
         except FileNotFoundError:
-            self._refuse_lost_record()
-            return Record()
+            raise RunError(
+                f"{path} is missing, though the run has begun; restore it from a copy, or start again in another folder"
+            ) from None
         except OSError as error:
             raise RunError(f"{path} cannot be read ({error})") from error
         record, digest = Record.from_bytes(content, str(path))
@@ -208,16 +205,6 @@ class RunFolder:
         names = load_champion(self.path).names if record.num_generations else ()
         champion = find_champion(config, record, names)
         return Run(config, record, champion, is_solved(config, champion), self.path)
-
-    def _refuse_lost_record(self) -> None:
-        existing = [name for name in (HISTORY_FILE, CHAMPION) if (self.path / name).exists()]
-        if self._read_json(CONFIG).get("record") == RECORD:
-            existing.append(CONFIG)
-        if existing:
-            raise RunError(
-                f"{self.path / RECORD} is missing, though the run has begun (according to {' and '.join(existing)}); "
-                "restore it from a copy, or start again in another folder"
-            )
 
     def _refuse_links(self) -> None:
         """Refuse to write through links: a folder of unknown origin may contain links to anything."""

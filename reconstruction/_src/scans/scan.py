@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -53,24 +51,6 @@ class ScanTruth:
 
     robot_poses: Float[np.ndarray, "S 4 4"]
     is_mixed: Bool[np.ndarray, "S B"]
-
-
-class ScanReport(dict[str, float]):
-    """Figures about a log by name.
-
-    Earlier names (``localisation_...``) are stored under their new spelling (``localization_...``), and looked up
-    with a DeprecationWarning.
-    """
-
-    def __init__(self, figures: Mapping[str, float] | None = None):
-        """Take figures by name."""
-        super().__init__({_respell(name): value for name, value in (figures or {}).items()})
-
-    def __missing__(self, name: str) -> float:
-        if _respell(name) not in self:
-            raise KeyError(name)
-        warnings.warn(f"{name!r} is now {_respell(name)!r}", DeprecationWarning, stacklevel=2)
-        return self[_respell(name)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,7 +113,7 @@ class ScanLog:
             if box.shape != (2, 3) or not (box[0] <= box[1]).all():
                 raise ScanError(f"box must be [[lowest], [highest]] corner, shape (2, 3), not {self.box}")
             object.__setattr__(self, "box", box)
-        object.__setattr__(self, "report", ScanReport(self.report))
+        object.__setattr__(self, "report", dict(self.report))
         if self.colors is not None:
             colors = np.asarray(self.colors)
             if colors.dtype != np.uint8 or colors.shape != (*ranges.shape, 3):
@@ -212,11 +192,6 @@ def _write_npz(path: str | os.PathLike[str], arrays: dict[str, ArrayLike]) -> Pa
     except OSError as error:
         raise ScanError(f"{path}: cannot be written: {error}") from error
     return path
-
-
-def _respell(name: str) -> str:
-    """Return the name of a figure as this version spells it."""
-    return name.replace("localisation", "localization")
 
 
 def _as_floats(name: str, value: ArrayLike, num_axes: int) -> Float[np.ndarray, "*axes"]:

@@ -70,7 +70,7 @@ class AccuracyReport:
 def report_accuracy(arena: Arena) -> AccuracyReport:
     """Return what the making of an arena has noted about its accuracy."""
     notes, reached = arena.provenance, arena.quality.mean
-    wanted = notes.get("accuracy", notes.get("options", {}).get("accuracy"))
+    wanted = notes.get("accuracy")
     is_reached = notes.get("is_reached", wanted is None or reached <= wanted)
     worst: dict[str, Any] = notes.get("worst") or {}
     place = worst.get("place")

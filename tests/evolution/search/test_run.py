@@ -47,7 +47,7 @@ def test_a_folder_holds_what_it_promises(folder):
 
 def test_it_says_what_it_began_with(folder):
     content = json.loads((folder / "config.json").read_text())
-    assert set(content) == {"versions", "machine", "config", "record"}
+    assert set(content) == {"versions", "machine", "config"}
     assert content["versions"]["python"] == platform.python_version()
     assert content["versions"]["numpy"] == np.__version__
     assert content["machine"] == platform.platform()
@@ -272,33 +272,15 @@ def test_the_old_checkpoint_survives_a_full_disk(folder):
     assert len(resume(folder, generations=8, simulate=toys.bowl).history) == 8
 
 
-def forget_promise(folder: Path) -> None:
-    """Turn `config.json` into that of a release which wrote no empty record."""
-    content = json.loads((folder / "config.json").read_text())
-    assert content.pop("record") == "record.npz"
-    (folder / "config.json").write_text(json.dumps(content))
-
-
-@pytest.mark.parametrize(
-    ("is_old", "left"), [(False, ()), (True, ("history.csv", "champion.json")), (True, ("champion.json",))]
-)
-def test_a_run_that_lost_its_record_is_refused(folder, is_old, left):
+@pytest.mark.parametrize("left", [(), ("history.csv", "champion.json")])
+def test_a_run_that_lost_its_record_is_refused(folder, left):
     for name in {"record.npz", "history.csv", "champion.json"} - set(left):
         (folder / name).unlink()
-    if is_old:
-        forget_promise(folder)
     before = sorted(folder.iterdir())
     for read in (lambda: resume(folder, simulate=toys.bowl), lambda: load_run(folder)):
         with pytest.raises(RunError, match=r"record\.npz is missing, .*restore it"):
             read()
     assert sorted(folder.iterdir()) == before
-
-
-def test_a_run_of_an_old_release_killed_before_its_first_generation_begins_anew(folder):
-    for name in ("record.npz", "history.csv", "champion.json"):
-        (folder / name).unlink()
-    forget_promise(folder)
-    assert len(resume(folder, simulate=toys.bowl).history) == 3
 
 
 def test_a_run_killed_in_its_first_generation_begins_anew(tmp_path):

@@ -218,14 +218,6 @@ def test_command_lines_that_cannot_be_executed_are_refused(options, tmp_path):
         BenchSuite(**given)
 
 
-def test_a_submission_of_suite_1_is_refused_in_one_line(tmp_path):
-    run("zero", tasks=(FIXED,)).save(tmp_path / "a.json")
-    content = json.loads((tmp_path / "a.json").read_text())
-    (tmp_path / "a.json").write_text(json.dumps(content | {"version": "1"}))
-    with pytest.raises(RunError, match=r"of suite '1', this is suite '2', .* run the method again"):
-        load_submission(tmp_path / "a.json")
-
-
 @pytest.mark.skipif(not SUBMISSIONS.is_dir(), reason="a wheel has no submissions")
 def test_submissions_that_ship_keep_the_rules_and_name_their_origin():
     files = sorted(SUBMISSIONS.glob("*.json"))

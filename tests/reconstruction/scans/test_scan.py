@@ -150,16 +150,3 @@ def test_absent_logs_and_other_suffixes_are_refused(tmp_path):
         load_scan_log(tmp_path / "absent.npz")
     with pytest.raises(ScanError, match=r"\.npz"):
         make_log().save(tmp_path / "a.csv")
-
-
-def test_figures_of_earlier_versions_are_found_by_both_names(tmp_path):
-    path = make_log(report={"localization_max": 0.01, "seed": 3.0}).save(tmp_path / "a.npz")
-    with np.load(path) as file:
-        arrays = dict(file)
-    arrays["report_names"] = np.array(["localisation_max", "seed"])
-    report = load_scan_log(save_npz(tmp_path / "b.npz", **arrays)).report
-    assert dict(report) == {"localization_max": 0.01, "seed": 3.0}
-    with pytest.warns(DeprecationWarning, match="localization_max"):
-        assert report["localisation_max"] == 0.01
-    with pytest.raises(KeyError, match="localisation_median"):
-        report["localisation_median"]

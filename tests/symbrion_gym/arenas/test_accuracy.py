@@ -3,7 +3,6 @@
 import logging
 
 import numpy as np
-import pytest
 import trimesh
 
 import symbrion_gym as sg
@@ -25,12 +24,6 @@ def test_what_the_making_noted():
     assert (report.wanted, report.reached, report.is_reached) == (0.02, 0.03, False)
     assert (report.worst, report.distance, report.warnings) == ((1, 2, 3), 0.5, ("late",))
     assert report.as_dict()["worst"] == (1, 2, 3)
-
-
-@pytest.mark.parametrize(("accuracy", "is_reached"), [(0.05, True), (0.01, False)])
-def test_arenas_of_older_versions_noted_the_option_alone(accuracy: float, is_reached: bool):
-    report = report_accuracy(make_arena(0.03, options={"accuracy": accuracy}))
-    assert (report.wanted, report.is_reached, report.worst) == (accuracy, is_reached, None)
 
 
 def test_courses_made_in_code_miss_nothing():

@@ -13,22 +13,6 @@ def test_fields_return_from_json():
     assert ArenaQuality.from_dict(FULL.as_dict()) == FULL
 
 
-def test_older_files_stay_readable():
-    old = {
-        "mean": 0.1,
-        "p95": 0.2,
-        "max": None,
-        "num_pieces": 3,
-        "bias": -0.1,
-        "uncovered": 0.0,
-        "seconds": 2.0,
-    }
-    quality = ArenaQuality.from_dict(old)
-    assert quality.max == np.inf
-    assert quality.beams_contact is None
-    assert quality.as_dict() == old
-
-
 def test_what_was_not_measured_is_absent():
     quality = ArenaQuality(0.0, 0.0, 0.0, 1, free_space=0.0, protrusion_max=np.inf)
     assert quality.as_dict()["free_space"] == 0.0
