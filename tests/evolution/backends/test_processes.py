@@ -69,7 +69,7 @@ def test_a_wrong_run_comes_through_from_a_worker(make_pool):
 
 def test_a_worker_that_cannot_start_is_an_error_not_a_failed_genotype(make_pool, monkeypatch):
     pool = make_pool(toys.bowl)
-    monkeypatch.setattr(pools, "_simulate", "no_such_module:simulate")
+    monkeypatch.setattr(pool, "_simulate", "no_such_module:simulate")
     with pytest.raises(RunError, match="ended at its start"):
         pool.run(toys.make_jobs())
 
@@ -84,7 +84,7 @@ def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
     """A cluster that has lost a node has no room for as many as before."""
     jobs = toys.make_jobs()
     pool = make_pool(toys.bowl, 3)
-    monkeypatch.setattr(pools, "_start_many", lambda count: [] if pool.process_ids else [pool._start()])
+    monkeypatch.setattr(pool, "_start_many", lambda count: [] if pool.process_ids else [pool._start()])
     assert pool.run(jobs) == toys.bowl(jobs, 1)
     assert len(pool.process_ids) == 1
     monkeypatch.undo()
