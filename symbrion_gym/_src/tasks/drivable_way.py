@@ -15,7 +15,7 @@ from symbrion_gym._src.tasks.starts import Start
 from symbrion_gym._src.tasks.traverse import FarEnd
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import Footprint
-from symbrion_gym._src.traversability.straight import find_straight_way
+from symbrion_gym._src.traversability.routes import find_straight_way
 
 _NEAR = 0.3
 """Drivable ground up to this far from the start, or beyond the finish, counts as reached [m]: about three modules."""

@@ -15,8 +15,13 @@ from symbrion_gym._src.tasks.route import Point, Route, RouteMargins
 from symbrion_gym._src.tasks.starts import Start
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import Footprint
-from symbrion_gym._src.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
-from symbrion_gym._src.traversability.straight import find_straight_way
+from symbrion_gym._src.traversability.routes import (
+    DrivingRoute,
+    Place,
+    RouteConfig,
+    find_driving_route,
+    find_straight_way,
+)
 
 MAX_CORNERS = 64
 """Most corners of a path."""

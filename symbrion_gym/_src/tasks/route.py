@@ -19,11 +19,12 @@ from symbrion_gym._src.tasks.features.gap import Gap, GapSearch, find_gap
 from symbrion_gym._src.tasks.features.way import place_along
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import Footprint
-from symbrion_gym._src.traversability.routes import Place, read_place
-from symbrion_gym._src.traversability.straight import (
+from symbrion_gym._src.traversability.routes import (
+    Place,
     find_standing_place,
     find_straight_way,
     find_straight_way_from,
+    read_place,
 )
 
 _STOREY = 0.25

@@ -21,7 +21,7 @@ from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.traversability.drivable import find_traversability
 from symbrion_gym._src.traversability.footprint import Footprint, TraversabilityConfig
-from symbrion_gym._src.traversability.straight import find_nearest_level
+from symbrion_gym._src.traversability.routes import find_nearest_level
 
 
 @pytest.fixture(scope="module")

@@ -22,8 +22,8 @@ from symbrion_gym._src.traversability.drawing import draw_traversability
 from symbrion_gym._src.traversability.drivable import keep_upright
 from symbrion_gym._src.traversability.footprint import Footprint
 from symbrion_gym._src.traversability.places import DIRECTIONS
-from symbrion_gym._src.traversability.routes import RouteConfig
-from symbrion_gym._src.traversability.straight import (
+from symbrion_gym._src.traversability.routes import (
+    RouteConfig,
     find_standing_place,
     find_straight_way,
     find_straight_way_from,
