@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
 from evolution._src.backends.batch import BatchBackend
+from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.pool import (
     CONNECT_TIMEOUT,
     FIRST_START_TIMEOUT,
@@ -21,7 +22,7 @@ from evolution._src.backends.simulation import (
     name_simulate,
     run_isolated,
 )
-from evolution._src.backends.trials import Job, Outcome
+from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import check_choice

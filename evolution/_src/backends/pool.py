@@ -5,7 +5,8 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Generic, NamedTuple, TypeVar
 
-from evolution._src.backends.trials import Job, Outcome, make_failure
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Job, make_failure
 
 Worker = TypeVar("Worker")
 

@@ -16,12 +16,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
+from evolution._src.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution._src.backends.scoring import Records, as_records
 from evolution._src.backends.trials import (
     CONDITIONS,
-    FAILED_PROGRESS,
     Job,
-    Outcome,
     RolloutConfig,
     Trials,
     find_arena_key,

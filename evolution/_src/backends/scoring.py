@@ -25,7 +25,7 @@ from symbrion_gym._src.tasks.recorders import (
 from symbrion_gym._src.tasks.storage import describe, restore
 
 if TYPE_CHECKING:
-    from evolution._src.backends.trials import Outcome
+    from evolution._src.backends.outcome import Outcome
     from symbrion_gym._src.robot.organism import Organism
 
 ScoringFunction: TypeAlias = "Callable[[Outcome, Organism], float]"

@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from evolution._src.backends.nested import Nested
 from evolution._src.backends.nested import Options as Options
+from evolution._src.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution._src.backends.parts import (
     BodyConfig,
     ControlConfig,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
 
     ArenaSource: TypeAlias = str | PathLike[str] | Arena
-
 
 MAX_ERROR_LENGTH = 200
 """Characters of an error that a record keeps."""
@@ -234,47 +234,3 @@ def _find_time(path: Path) -> int:
         return (path / "arena.json" if path.is_dir() else path).stat().st_mtime_ns
     except OSError:
         return 0
-
-
-FAILED_PROGRESS = -1.0
-"""Progress [m] of a trial that could not be finished: below any that a finished trial can have."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The result of a genotype's trials.
-
-    Attributes:
-        progress: progress of the whole body, mean over trials [m].
-        effort: mean over trials.
-        succeeded: for each trial, whether the strict success check passed.
-        seconds: simulated, summed over trials [s].
-        diverged: number of trials whose physics diverged.
-        error: why it could not be tried; empty if it could.
-        descriptors: for each trial, what `TrialConfig.descriptors` kept of it: name -> numbers; empty without any.
-    """
-
-    progress: float
-    effort: float
-    succeeded: tuple[bool, ...]
-    seconds: float = 0.0
-    diverged: int = 0
-    error: str = ""
-    descriptors: tuple[dict[str, np.ndarray], ...] = field(default=(), compare=False)
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return len(self.succeeded)
-
-    @property
-    def successes(self) -> int:
-        """Number of successful trials."""
-        return sum(self.succeeded)
-
-
-def check_tried(outcomes: Sequence[Outcome]) -> None:
-    """Refuse outcomes of which every one is the same error: no genotype is to blame."""
-    errors = {"" if outcome.diverged else outcome.error for outcome in outcomes}
-    if len(errors) == 1 and "" not in errors:
-        raise RunError(f"none of {len(outcomes)} genotypes could be tried: {errors.pop()}")

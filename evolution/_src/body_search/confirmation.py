@@ -13,8 +13,9 @@ import numpy as np
 
 from evolution._src.backends.body_rollout import simulate_bodies
 from evolution._src.backends.cluster import Backend, make_backend
+from evolution._src.backends.outcome import check_tried
 from evolution._src.backends.simulation import Simulate
-from evolution._src.backends.trials import Job, Trials, check_tried
+from evolution._src.backends.trials import Job, Trials
 from evolution._src.body_search.config import BodyEvolutionConfig
 from evolution._src.body_search.fresh_trials import FreshTrials, find_candidates
 from evolution._src.body_search.learning import LevelResult

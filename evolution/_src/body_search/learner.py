@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from evolution._src.backends.cluster import LOCAL_BACKENDS, Backend
+from evolution._src.backends.outcome import Outcome, check_tried
 from evolution._src.backends.scoring import compute_fitness
-from evolution._src.backends.trials import Job, Outcome, check_tried
+from evolution._src.backends.trials import Job
 from evolution._src.body_search.config import BodyEvolutionConfig
 from evolution._src.body_search.learning import BodyGenome, Learning, LevelResult
 from evolution._src.body_search.record import BodyRecord

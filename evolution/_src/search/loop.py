@@ -15,10 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from evolution._src.backends.cluster import LOCAL_BACKENDS, Backend, make_backend
+from evolution._src.backends.outcome import check_tried
 from evolution._src.backends.rollout import warm_up
 from evolution._src.backends.scoring import compute_fitness
 from evolution._src.backends.simulation import Simulate
-from evolution._src.backends.trials import Job, Trials, check_tried, prepare_arena
+from evolution._src.backends.trials import Job, Trials, prepare_arena
 from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
 from evolution._src.search.config import RUNTIME_FIELDS, EvolutionConfig

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.scoring import Records
-from evolution._src.backends.trials import Outcome
 from evolution._src.errors import RunError
 from reconstruction._src.base.bounded_read import read_npz
 

@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from evolution._src.backends.nested import Nested
+from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
-from evolution._src.backends.trials import Outcome
 from evolution._src.controllers.finding import refer_to_controller
 from evolution._src.errors import RunError
 from evolution._src.references import (

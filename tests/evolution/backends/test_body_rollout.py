@@ -8,7 +8,8 @@ import numpy as np
 import evolution as ev
 import symbrion_gym as sg
 from evolution._src.backends import body_rollout, rollout
-from evolution._src.backends.trials import FAILED_PROGRESS, Job, make_failure
+from evolution._src.backends.outcome import FAILED_PROGRESS
+from evolution._src.backends.trials import Job, make_failure
 from evolution._src.bodies.genome import parse_genome
 from evolution._src.errors import NoEnvironmentError
 from symbrion_gym._src.tasks.traverse import FarEnd

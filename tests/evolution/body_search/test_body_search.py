@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution._src.backends.trials import Job, Outcome
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Job
 from evolution._src.bodies.genome import enumerate_bodies, genome_of, parse_genome
 from evolution._src.body_search.config import ALGORITHMS, BodiesConfig, BodyEvolutionConfig
 from evolution._src.body_search.learning import LearningConfig

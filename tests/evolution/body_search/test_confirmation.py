@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution._src.backends.trials import Outcome
+from evolution._src.backends.outcome import Outcome
 from evolution._src.bodies.genome import genome_of
 from evolution._src.body_search.confirmation import CONFIRMATION, confirm, find_candidates
 from evolution._src.body_search.record import BodyRecord

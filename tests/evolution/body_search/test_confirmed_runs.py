@@ -6,7 +6,7 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution._src.backends.trials import Outcome
+from evolution._src.backends.outcome import Outcome
 from evolution._src.bodies.genome import genome_of
 from evolution._src.body_search.confirmation import CONFIRMATION
 from evolution._src.body_search.fresh_trials import FreshTrials, Retrial
