@@ -5,7 +5,6 @@ ten moments are summed: b n nᵀ (upper triangle xx, xy, xz, yy, yz, zz; n the u
 samples have zeros. A vertex moves by (A/c + aI)⁻¹ g/c, of its sums A of b n nᵀ, g of b r and c of b, a the stiffness.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -18,10 +17,6 @@ from reconstruction._src.base.range_checks import check_all_positive
 _CPU_CHUNK, _GPU_CHUNK = 4096, 2**20
 """Samples treated at once: what fits the cache of a core, and plenty for a GPU. Powers of two, as array lengths are."""
 
-
-NEIGHBOR_SHARE = 0.0
-"""Share of the neighbors' moments that every vertex adds to its own where a whole mesh is fitted; above 0 for
-noisy data or fewer than about 20 samples a vertex."""
 OUTLIER_SCALE = 6.0
 """A sample this many times the mean residual from the faces around it has half its weight (Cauchy); lower
 ignores more outliers, and more of the creases."""
@@ -67,12 +62,9 @@ def fit_once(
     chunk: int,
     order: Int[jax.Array, " N"] | None = None,
     is_movable: Bool[jax.Array, " V"] | None = None,
-    spread: Callable[[Float[jax.Array, "V 10"]], Float[jax.Array, "V 10"]] | None = None,
 ) -> Float[jax.Array, "V 3"]:
     """Return the vertices after one step towards the samples."""
     moments = _sum_moments(vertices, ring, samples, winners, weights, config, chunk, order)
-    if spread is not None:
-        moments = spread(moments)
     step = _solve_moments(moments, config.stiffness, config.step_limit)
     return vertices + (step if is_movable is None else jnp.where(is_movable[:, None], step, 0.0))
 

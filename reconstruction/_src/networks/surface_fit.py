@@ -8,12 +8,11 @@ vertices until the triangles, not the vertices, lie on the samples.
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 
 from reconstruction._src.geometry.rows import find_lengths
-from reconstruction._src.networks.least_squares import NEIGHBOR_SHARE, FitConfig, find_chunk, fit_once
+from reconstruction._src.networks.least_squares import FitConfig, find_chunk, fit_once
 from reconstruction._src.networks.som.compilation import half_octave_length, pad_rows, padded_length
 from reconstruction._src.networks.som.winners import find_winners
 
@@ -125,8 +124,7 @@ def _fit(
     config: FitConfig,
     chunk: int,
 ) -> Float[jax.Array, "V 3"]:
-    """Repeat the step; all lengths in mean edges. Only whole meshes share moments and need an order."""
-    spread = partial(_share, ring=ring, share=NEIGHBOR_SHARE) if is_movable is None else None
+    """Repeat the step; all lengths in mean edges. Only whole meshes need an order."""
 
     def iterate(_, positions):
         return fit_once(
@@ -139,21 +137,6 @@ def _fit(
             chunk=chunk,
             order=order,
             is_movable=is_movable,
-            spread=spread,
         )
 
     return jax.lax.fori_loop(0, iterations, iterate, vertices)
-
-
-def _share(
-    moments: Float[jax.Array, "V 10"], ring: Int[jax.Array, "V D 2"], share: float
-) -> Float[jax.Array, "V 10"]:
-    """Add a share of the neighbors' moments to every vertex's own."""
-    is_face = (ring[..., 0] >= 0)[..., None]
-    count = jnp.maximum(is_face.sum(axis=1), 1)
-
-    def add(columns):
-        around = jnp.where(is_face, columns[ring[..., 0]], 0.0).sum(axis=1) / count
-        return columns + share * around
-
-    return jnp.concatenate([add(moments[:, :6]), add(moments[:, 6:9]), add(moments[:, 9:])], axis=1)

@@ -152,8 +152,8 @@ def find_objects(
                 1000 * scene.noise,
             )
             continue
-        regions = find_regions(scene.cells.points, model, config)
-        detector = make_detector(model, config)
+        regions = find_regions(scene.cells.points, model)
+        detector = make_detector(model)
         mine: list[_Candidate] = []
         for done, region in enumerate(regions):
             is_taken = any(
@@ -214,7 +214,7 @@ def _search(
     rows = rows[:: -(-len(rows) // _MAX_POINTS)]
     points, normals = points[rows], normals[rows]
     beams = None if scene.beams is None else scene.beams.find(region.center, 3 * model.radius)
-    proposed = propose_poses(detector, model, points, normals, config)[:NUM_HYPOTHESES]
+    proposed = propose_poses(detector, model, points, normals)[:NUM_HYPOTHESES]
     if not proposed:
         return None
     best = _choose(scene, model, np.array(proposed), points, normals, beams, config)

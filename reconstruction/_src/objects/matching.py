@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.objects.model import SAMPLING, ObjectModel, ObjectsConfig, find_angle
+from reconstruction._src.objects.model import SAMPLING, ObjectModel, find_angle
 
 _SAME_PLACE, _SAME_ANGLE = 0.25, np.radians(20.0)
 """Poses nearer than this share of the radius, and this angle, are one hypothesis."""
@@ -28,7 +28,7 @@ def require_library() -> None:
     require_extras("`find_objects`", "objects")
 
 
-def make_detector(model: ObjectModel, config: ObjectsConfig) -> Any:
+def make_detector(model: ObjectModel) -> Any:
     """Train the library's detector with an object, in one thread: results do not depend on the machine."""
     import cv2
 
@@ -45,7 +45,6 @@ def propose_poses(
     model: ObjectModel,
     points: Float[np.ndarray, "M 3"],
     normals: Float[np.ndarray, "M 3"],
-    config: ObjectsConfig,
 ) -> list[Float[np.ndarray, "4 4"]]:
     """Return poses of an object in a region, the ones with most votes first, each once."""
     middle = points.mean(axis=0)

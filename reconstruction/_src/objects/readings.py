@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.input_cloud import make_cloud
-from reconstruction._src.objects.model import SPACING, ObjectModel, ObjectsConfig, find_spread
+from reconstruction._src.objects.model import SPACING, ObjectModel, find_spread
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import make_log_cloud
 from reconstruction._src.scans.scan import ScanLog
@@ -99,7 +99,7 @@ class Region(NamedTuple):
     rows: Int[np.ndarray, " M"]
 
 
-def find_regions(points: Float[np.ndarray, "C 3"], model: ObjectModel, config: ObjectsConfig) -> list[Region]:
+def find_regions(points: Float[np.ndarray, "C 3"], model: ObjectModel) -> list[Region]:
     """Return the regions in which an object is searched.
 
     Parts smaller than the object give one region; larger ones are covered by several that overlap.

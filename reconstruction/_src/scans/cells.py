@@ -126,7 +126,7 @@ def find_sparse_points(points: ArrayLike, config: SparsePointsConfig | None = No
     points = as_points(points)
     if len(points) < 4 * _POINTS_PER_CELL or not np.ptp(points, axis=0).any():  # too few for a density
         return np.zeros(len(points), bool)
-    cell = _find_cell(points, config)
+    cell = _find_cell(points)
     for _ in range(_MAX_GROWTH_STEPS):
         is_sparse = _count_in_cells(points, cell) < config.threshold
         if is_sparse.mean() <= config.max_share:
@@ -152,7 +152,7 @@ def _find_flat(
     return is_flat | (is_alike & (is_kept[neighbors].mean(axis=1) > _KEPT_SHARE))
 
 
-def _find_cell(points: Float[np.ndarray, "N 3"], config: SparsePointsConfig) -> float:
+def _find_cell(points: Float[np.ndarray, "N 3"]) -> float:
     """Return the edge at which cells hold `points_per_cell` points, found on every n-th point."""
     high = float(np.ptp(points, axis=0).max())
     low = high / 2.0**_MAX_HALVINGS

@@ -142,7 +142,7 @@ def find_declination(log: ScanLog, config: LevelingConfig | None = None) -> Floa
     config = config or LevelingConfig()
     if len(log.ranges) == 0 or not _is_vertical(log, config.max_slope):
         return np.zeros(len(log.ranges))
-    u, v = _plane_coordinates(log, config)
+    u, v = _plane_coordinates(log)
     if config.max_tilt is not None:
         return _find_angles(u, v, config.max_tilt, config)
     if len(u) < LEAST_SCANS:
@@ -157,14 +157,12 @@ def _find_angles(
 ) -> Float[np.ndarray, " S"]:
     """Return the declination in every scan, looked for up to a largest one [rad]."""
     limit = float(np.tan(max_tilt))
-    tangent = _vote(u, v, limit, config)
+    tangent = _vote(u, v, limit)
     tangent = _refine(u, v, tangent, limit, config.tolerance)
     return np.arctan(np.clip(tangent, -limit, limit))
 
 
-def _vote(
-    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], limit: float, config: LevelingConfig
-) -> Float[np.ndarray, " S"]:
+def _vote(u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], limit: float) -> Float[np.ndarray, " S"]:
     """Return the tangent of the declination with most votes in every scan; 0 where there are none."""
     num_scans, num_bins = len(u), _NUM_BINS
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -204,20 +202,18 @@ def _refine(
     return tangent
 
 
-def _plane_coordinates(
-    log: ScanLog, config: LevelingConfig
-) -> tuple[Float[np.ndarray, "S B"], Float[np.ndarray, "S B"]]:
+def _plane_coordinates(log: ScanLog) -> tuple[Float[np.ndarray, "S B"], Float[np.ndarray, "S B"]]:
     """Return the positions to the side of the foot and above it, in the plane of the scan."""
     axes = np.stack(_plane_axes(log.mount))
     rows = axes @ log.mount[:3, :2] @ np.stack([np.cos(log.angles), np.sin(log.angles)])
     offset = axes @ log.mount[:3, 3]
     u, v = log.ranges * rows[0] + offset[0], log.ranges * rows[1] + offset[1]
     if not np.any(log.mount[:3, 3]):
-        v = v - _find_floor_height(v, config)
+        v = v - _find_floor_height(v)
     return u, v
 
 
-def _find_floor_height(heights: Float[np.ndarray, "S B"], config: LevelingConfig) -> float:
+def _find_floor_height(heights: Float[np.ndarray, "S B"]) -> float:
     """Return the height of most readings below the sensor, or the lowest one with nearly as many."""
     bin_width = _HEIGHT_BIN
     low = heights[heights < 0]

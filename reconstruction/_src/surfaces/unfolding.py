@@ -184,14 +184,19 @@ def unfold_faces(
 
 def untangle(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "G 3"]]:
-    """Do what `unfold_faces` does; of faces that still lie across others, those across the most go."""
+) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
+    """Do what `unfold_faces` does; of faces that still lie across others, those across the most go.
+
+    Vertices that are left without a face go with them.
+    """
     vertices, is_tangled = _unfold(vertices, faces)
     if is_tangled.any():
         faces = make_manifold(vertices, faces, np.zeros(len(faces)))  # no fold is left
         while len(pairs := find_intersections(vertices, faces)):
             faces = np.delete(faces, np.bincount(pairs.ravel()).argmax(), axis=0)
             faces = make_manifold(vertices, faces, np.zeros(len(faces)))
+        used, corners = np.unique(faces, return_inverse=True)
+        vertices, faces = vertices[used], corners.reshape(-1, 3)
     return vertices, faces
 
 

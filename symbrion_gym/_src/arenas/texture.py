@@ -29,8 +29,6 @@ _BITS = 10
 """Of each coordinate in the order of triangles in space."""
 
 
-_TEXEL = 0.0
-"""Edge of a texel on the surface [m]; 0: the distance between colored points."""
 _MAX_SIZE = 2048
 """Edge of the picture [texel], a power of two; texels grow until all triangles fit."""
 _MAX_CELL = 512
@@ -210,7 +208,7 @@ class SurfaceTexture(NamedTuple):
 
 def make_texture(mesh: trimesh.Trimesh, cloud: Cloud) -> SurfaceTexture:
     """Return a texture of a mesh in which each texel has the color of the points around it."""
-    texel = _TEXEL or _find_spacing(cloud)
+    texel = _find_spacing(cloud)
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
     atlas, source = make_atlas(triangles, texel), ColorSource(cloud)
     image = _make_blank(atlas, np.asarray(cloud.colors).mean(axis=0))

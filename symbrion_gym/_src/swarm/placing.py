@@ -53,7 +53,7 @@ def lay_robots(
     slope = np.stack([_fit_plane(one, high) for one, high in zip(spots, heights, strict=True)])
     normal = np.column_stack([-slope, np.ones(len(slope))])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    _check_steepness(poses, normal, arena)
+    _check_steepness(normal, arena)
     ahead = np.column_stack([cosine, sine, np.zeros(len(poses))])
     ahead -= np.einsum("ni,ni->n", ahead, normal)[:, None] * normal
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -93,7 +93,7 @@ def _is_separated(
     return False
 
 
-def _check_steepness(poses: Float[np.ndarray, "N 3"], normal: Float[np.ndarray, "N 3"], arena: Arena) -> None:
+def _check_steepness(normal: Float[np.ndarray, "N 3"], arena: Arena) -> None:
     steep = np.arccos(np.clip(normal[:, 2], -1.0, 1.0))
     for robot in np.flatnonzero(steep > STEEPEST):
         raise ArenaError(

@@ -35,8 +35,6 @@ _LEVEL = 0.5
 body stays upright, or among the half of the region with the least."""
 _NUM_ENDS = 4000
 """Places of which start and goal are chosen at most, evenly spread."""
-_SNAP = 0.0
-"""A given place is moved to drivable ground no farther away than this in plan [m], beside half a cell."""
 _STOREY = 0.25
 """A given z is that of ground no farther above or below than this [m]; half a storey is more."""
 _LOOK_AHEAD = 0.3
@@ -125,12 +123,12 @@ def find_driving_route(
     friction = np.ones(len(ground.cell)) if friction is None else friction
     graph = _make_cost_graph(ground, config, friction)
     first, last = _choose_ends(ground, region, first, last, config, find_seen, friction)
-    path = _follow(ground, graph, first, last)
+    path = _follow(graph, first, last)
     points = ground.positions[path]
     for index, given in ((0, start), (-1, goal)):
         if given is not None:
             points[index, :2] = np.asarray(given, dtype=np.float64)[:2]
-    return _make_route(points, float(ground.wall_distance[path].min()), region, config)
+    return _make_route(points, float(ground.wall_distance[path].min()), region)
 
 
 def find_drivable_place(
@@ -148,7 +146,7 @@ def find_drivable_place(
     usable = np.flatnonzero(is_usable)
     offset = ground.positions[usable] - np.append(point, 0.0)[:3]
     flat = np.abs(offset[:, :2]).max(axis=1)
-    is_near = flat <= ground.grid.cell / 2 * (1 + 1e-9) + _SNAP
+    is_near = flat <= ground.grid.cell / 2 * (1 + 1e-9)
     if len(point) == 3:
         is_near &= np.abs(offset[:, 2]) <= _STOREY
     if is_near.any():
@@ -214,7 +212,7 @@ def _choose_ends(
     if first is not None and last is not None:
         return first, last
     is_firm = (ground.region == region) & ~find_slippery(friction)
-    roomy = _find_good_ends(ground, is_firm if is_firm.any() else ground.region == region, config, find_seen)
+    roomy = _find_good_ends(ground, is_firm if is_firm.any() else ground.region == region, find_seen)
     lengths = ground.find_graph(ground.is_drivable)
     if first is None and last is None:
         middle = roomy[np.argmax(ground.wall_distance[roomy])]
@@ -233,7 +231,6 @@ def _choose_ends(
 def _find_good_ends(
     ground: TraversabilityMap,
     inside: Bool[np.ndarray, " P"],
-    config: RouteConfig,
     find_seen: FindSeen | None,
 ) -> Int[np.ndarray, " N"]:
     """Return places with room around them, on level ground, that the scanner saw, as far as there are such."""
@@ -263,7 +260,7 @@ def _find_far(graph: csr_matrix, start: int, candidates: Int[np.ndarray, " N"], 
     return int(candidates[np.argmax(np.where(distance <= most, distance, -1.0))])
 
 
-def _follow(ground: TraversabilityMap, graph: csr_matrix, first: int, last: int) -> Int[np.ndarray, " W"]:
+def _follow(graph: csr_matrix, first: int, last: int) -> Int[np.ndarray, " W"]:
     """Return the places of the cheapest path."""
     before = dijkstra(graph, indices=first, return_predecessors=True)[1]
     path = [last]
@@ -272,9 +269,7 @@ def _follow(ground: TraversabilityMap, graph: csr_matrix, first: int, last: int)
     return np.array(path[::-1])
 
 
-def _make_route(
-    points: Float[np.ndarray, "W 3"], clearance: float, region: int, config: RouteConfig
-) -> DrivingRoute:
+def _make_route(points: Float[np.ndarray, "W 3"], clearance: float, region: int) -> DrivingRoute:
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     ahead = points[min(np.searchsorted(travelled, _LOOK_AHEAD), len(points) - 1)] - points[0]
     (start_x, start_y, start_z), (goal_x, goal_y, goal_z) = points[[0, -1]].tolist()

@@ -2,10 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from reconstruction._src.geometry.manifold import find_hinges, group_sides
 from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
-from reconstruction._src.surfaces.unfolding import find_folded, find_tangled, unfold_faces, unfold_part
+from reconstruction._src.surfaces.unfolding import (
+    find_folded,
+    find_tangled,
+    unfold_faces,
+    unfold_part,
+    untangle,
+)
 
 
 def make_lattice(size: int = 7) -> tuple[np.ndarray, np.ndarray]:
@@ -93,3 +100,17 @@ def test_a_spike_leaves_a_sheet_that_it_has_no_edge_in_common_with(height):
     assert len(find_intersections(mended, sheets)) == 0
     np.testing.assert_array_equal(mended[~is_movable], both[~is_movable])
     np.testing.assert_array_equal(mended, unfold_faces(both, sheets, is_movable=is_movable))
+
+
+def test_sheets_that_cannot_be_parted_lose_the_faces_that_lie_across_others():
+    """Two squares through one center: they shrink towards it, and stay across each other."""
+    flat, sheet = make_lattice(2)
+    flat -= flat.mean(axis=0)
+    upright = flat @ Rotation.from_euler("zx", [0.3, 1.2]).as_matrix()
+    vertices, faces = np.concatenate([flat, upright]), np.concatenate([sheet, sheet + len(flat)])
+    assert len(find_intersections(vertices, faces)) > 0
+    moved, kept = untangle(vertices, faces)
+    assert len(find_intersections(moved, kept)) == 0
+    assert not find_folded(moved, kept).any()
+    np.testing.assert_array_equal(np.unique(kept), np.arange(len(moved)))
+    assert len(kept) == 2

@@ -167,10 +167,10 @@ def _train_batch(
     tiles = make_tiles(samples)
     density = measure_density(samples, tiles.tree, rng)
     progress("grow", 0.1)
-    units = _grow(tiles, density, old, config.units, config, rng)
+    units = _grow(tiles, density, old, config.units, rng)
     progress("learn the topology", 0.5)
     level = make_level(tiles, density)
-    units, faces = _learn_surface(level, units, old, config, progress)
+    units, faces = _learn_surface(level, units, old, progress)
     if np.ptp(density.spacing) > 0 and len(faces):
         progress("complete the surface", 0.9)
         units, faces = _complete(samples, units, faces, config, rng)
@@ -182,7 +182,6 @@ def _grow(
     density: Density,
     old: Old | None,
     num_units: int,
-    config: GSRMConfig,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "U 3"]:
     """Grow a number of units over the samples; between held ones, as many as make the map as dense as these."""
@@ -198,7 +197,7 @@ def _grow(
         num_units = round(len(held) * opened / max(covered, 1))
         if num_units == 0:
             return held
-    start = _draw_start(samples, density._replace(weights=weights), num_units, config, rng)
+    start = _draw_start(samples, density._replace(weights=weights), num_units, rng)
     return grow(
         make_level(tiles, density),
         np.concatenate([held, start]),
@@ -234,8 +233,8 @@ def _complete(
             break
         tiles = make_tiles(rest)
         density = measure_density(rest, tiles.tree, rng, has_outliers=False)
-        grown = _grow(tiles, density, None, number, config, rng)
-        added, between = _learn_surface(make_level(tiles, density), grown, None, config, silent)
+        grown = _grow(tiles, density, None, number, rng)
+        added, between = _learn_surface(make_level(tiles, density), grown, None, silent)
         if len(between) == 0:
             break
         faces = np.concatenate([faces, between + len(units)])
@@ -248,7 +247,6 @@ def _draw_start(
     samples: Float[np.ndarray, "N 3"],
     density: Density,
     num_units: int,
-    config: GSRMConfig,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "U 3"]:
     """Draw the first units among the samples, fewer than the share of them where samples are too sparse."""
@@ -265,7 +263,7 @@ def _draw_start(
 
 
 def _learn_surface(
-    level: Level, units: Float[np.ndarray, "U 3"], old: Old | None, config: GSRMConfig, progress: Progress
+    level: Level, units: Float[np.ndarray, "U 3"], old: Old | None, progress: Progress
 ) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "F 3"]]:
     """Join finished units by faces and fit these to the samples."""
     winners = search_all(level.tiles, units, 3)
@@ -283,7 +281,7 @@ def _learn_surface(
     is_used &= first >= 0
     samples, weights = level.tiles.samples[is_used], level.weights[is_used]
     is_movable = None if old is None else used >= len(old.held)
-    units, faces = _fit(units, faces, samples, first[is_used], weights, is_movable, config)
+    units, faces = _fit(units, faces, samples, first[is_used], weights, is_movable)
     return units, faces
 
 
@@ -294,7 +292,6 @@ def _fit(
     winners: Int[np.ndarray, " N"],
     weights: Float[np.ndarray, " N"],
     is_movable: Bool[np.ndarray, " U"] | None,
-    config: GSRMConfig,
 ) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "G 3"]]:
     """Fit the mesh to the samples; where there are many, to few of them first.
 

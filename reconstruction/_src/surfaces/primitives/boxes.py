@@ -14,7 +14,6 @@ from reconstruction._src.surfaces.primitives.primitive import (
     MAX_EXPOSED,
     MIN_COVERED,
     Primitive,
-    PrimitivesConfig,
 )
 
 _RIGHT = 0.07
@@ -127,7 +126,7 @@ class Surface:
         self._rim[faces.ravel()[slots]] = True
         self._rim[faces[:, [1, 2, 0]].ravel()[slots]] = True
 
-    def is_closed_by(self, shape: Primitive, area: float, tolerance: float, config: PrimitivesConfig) -> bool:
+    def is_closed_by(self, shape: Primitive, area: float, tolerance: float) -> bool:
         """Return whether faces cover enough of a closed shape, and all of it lies on the surface or behind it."""
         if area < MIN_COVERED * float(shape.as_mesh().area):
             return False

@@ -209,13 +209,12 @@ class Primitives(NamedTuple):
             corners = take_out(corners, shape, self.tolerance, MARGIN)
         if not len(corners):
             return []
-        config = self.config
-        if not is_hollow(mesh, config):
+        if not is_hollow(mesh):
             return [corners]
         return split_rest(corners, self.shapes, REACH, APART, FEWEST)
 
 
-def is_hollow(mesh: trimesh.Trimesh, config: PrimitivesConfig) -> bool:
+def is_hollow(mesh: trimesh.Trimesh) -> bool:
     """Return whether a surface is around free space, as a room, and not open ground."""
     x, y, z = mesh.extents
     return float(mesh.area) > HOLLOW * float(x * y + y * z + z * x)
@@ -245,11 +244,11 @@ def find_primitives(
     for shape in shapes:
         if shape.shape.kind != "plane":
             closed = _close(shape, corners)
-            if surface.is_closed_by(closed, shape.area, tolerance, config):
+            if surface.is_closed_by(closed, shape.area, tolerance):
                 solids.append(closed)
     flat = [shape for shape in shapes if shape.shape.kind == "plane"]
-    boxes, used = _find_boxes(flat, corners, surface, tolerance, config)
-    share = MIN_RECTANGLE_HOLLOW if is_hollow(mesh, config) else MIN_RECTANGLE
+    boxes, used = _find_boxes(flat, corners, surface, tolerance)
+    share = MIN_RECTANGLE_HOLLOW if is_hollow(mesh) else MIN_RECTANGLE
     least = share * float(mesh.area)
     planes = [
         one
@@ -261,7 +260,6 @@ def find_primitives(
             least,
             surface,
             tolerance,
-            config,
         )
     ]
     planes.sort(key=lambda one: -float(one.half_sizes[0] * one.half_sizes[1]))
@@ -290,7 +288,6 @@ def _find_boxes(
     corners: Float[np.ndarray, "F 3 3"],
     surface: Surface,
     tolerance: float,
-    config: PrimitivesConfig,
 ) -> tuple[list[Primitive], set[int]]:
     """Return the boxes that stand nowhere but where the surface is or behind it, and the planes that they use."""
     sides = [Side(shape.shape.axis[0], corners[shape.faces], shape.area) for shape in flat]
@@ -299,7 +296,7 @@ def _find_boxes(
     used: set[int] = set()
     for box, members in propose_boxes(sides, edge):
         area = sum(sides[k].area for k in members)
-        if not used & set(members) and surface.is_closed_by(box, area, tolerance, config):
+        if not used & set(members) and surface.is_closed_by(box, area, tolerance):
             boxes.append(box)
             used |= set(members)
     return boxes, used
@@ -320,7 +317,6 @@ def _find_rectangles(
     least: float,
     surface: Surface,
     tolerance: float,
-    config: PrimitivesConfig,
 ) -> list[Primitive]:
     """Return thin boxes behind the rectangles that the triangles of a plane cover."""
     if found.area < least or not len(corners):

@@ -155,7 +155,7 @@ def _search(
         shapes = make_candidates(kind, data.centers[pairs], data.smooth[pairs], config.max_radius)
         if not len(shapes.point):
             continue
-        scores = _fits(shapes, data, sample, _WIDE * tolerance, config).mean(axis=1)
+        scores = _fits(shapes, data, sample, _WIDE * tolerance).mean(axis=1)
         finalists += [(float(scores[i]), shapes.pick(int(i))) for i in np.argsort(-scores)[:_FINALISTS]]
     best: FoundShape | None = None
     for _, shape in finalists:
@@ -167,7 +167,7 @@ def _search(
 
 
 def _fits(
-    shapes: Shapes, data: _Faces, chosen: Int[np.ndarray, " N"], tolerance: float, config: PrimitivesConfig
+    shapes: Shapes, data: _Faces, chosen: Int[np.ndarray, " N"], tolerance: float
 ) -> Bool[np.ndarray, "C N"]:
     distance, normals = shapes.measure(data.centers[chosen])
     cosine = np.einsum("cnk,nk->cn", normals, data.smooth[chosen])
@@ -182,15 +182,13 @@ def _refine(
     config: PrimitivesConfig,
 ) -> FoundShape | None:
     """Fit a shape to its connected faces, again and again; None where they are too few in the end."""
-    faces = _find_connected(shape, data, is_left, _WIDE * tolerance, config)
+    faces = _find_connected(shape, data, is_left, _WIDE * tolerance)
     for step in range(FITS):
         if data.areas[faces].sum() < config.min_area / 2:
             return None
         shape = fit_shape(shape, data.corners[faces].reshape(-1, 3), np.repeat(data.areas[faces], 3))
         last = step == FITS - 1
-        faces = _find_connected(
-            shape, data, is_left, (1.0 if last else _WIDE / (step + 1)) * tolerance, config
-        )
+        faces = _find_connected(shape, data, is_left, (1.0 if last else _WIDE / (step + 1)) * tolerance)
     area = float(data.areas[faces].sum())
     is_round = shape.kind != "plane"
     if area < config.min_area or (is_round and not 0 < shape.radius[0] < config.max_radius):
@@ -203,14 +201,13 @@ def _find_connected(
     data: _Faces,
     is_left: Bool[np.ndarray, " F"],
     tolerance: float,
-    config: PrimitivesConfig,
 ) -> Int[np.ndarray, " N"]:
     """Return the largest connected group of the faces whose corners all lie on a shape."""
     left = np.flatnonzero(is_left)
     distance = shape.measure(data.corners[left].reshape(-1, 3))[0].reshape(-1, 3)
     is_on = (np.abs(distance) <= tolerance).all(axis=1)
     left = left[is_on]
-    left = left[_fits(shape, data, left, np.inf, config)[0]]
+    left = left[_fits(shape, data, left, np.inf)[0]]
     if not len(left):
         return left
     number = np.full(len(data.areas), -1)
