@@ -134,5 +134,5 @@ class WorkerPool(ABC, Generic[Worker]):
         self._stop(worker)
 
     def _give_up(self, job: Job) -> Outcome:
-        times = {1: "once", 2: "twice"}.get(MAX_DEATHS, f"{MAX_DEATHS} times")
+        times = "twice"
         return make_failure(job.trials, f"its worker died, {times}")

@@ -59,18 +59,6 @@ def find_hull_outline(points: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "P 
     return hull
 
 
-def cut_outline(
-    outline: Float[np.ndarray, "P 2"], line: Float[np.ndarray, " 3"]
-) -> Float[np.ndarray, "Q 2"] | None:
-    """Return the part of a convex outline where a x + b y <= c of the line (a, b, c); None without an area."""
-    level = outline @ line[:2] - line[2]
-    following, next_level = np.roll(outline, -1, axis=0), np.roll(level, -1)
-    crosses = (level <= 0) != (next_level <= 0)
-    share = level[crosses] / (level[crosses] - next_level[crosses])
-    cuts = outline[crosses] + share[:, None] * (following[crosses] - outline[crosses])
-    return find_hull_outline(np.concatenate([outline[level <= 0], cuts]))
-
-
 def measure_area(polygon: Float[np.ndarray, "P 2"]) -> float:
     """Return the area of a simple polygon, above 0 where it is counter-clockwise."""
     x, y = polygon.T
@@ -98,7 +86,7 @@ def _measure_corners(polygon: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P
 
 
 _LONGEST = 5.0
-"""Its edge at the rim is longer than this many median edges of the surface: a network leaves none ..."""
+"""A face is an ear where its edge at the rim is longer than this many median edges of the surface: a network leaves none ..."""
 _MIN_ANGLE_DEG = 120.0
 """... and its corner off the rim has an angle above this [degrees]: it is low ..."""
 _MIN_BEND_DEG = 10.0

@@ -5,6 +5,7 @@ ten moments are summed: b n nᵀ (upper triangle xx, xy, xz, yy, yz, zz; n the u
 samples have zeros. A vertex moves by (A/c + aI)⁻¹ g/c, of its sums A of b n nᵀ, g of b r and c of b, a the stiffness.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -62,9 +63,12 @@ def fit_once(
     chunk: int,
     order: Int[jax.Array, " N"] | None = None,
     is_movable: Bool[jax.Array, " V"] | None = None,
+    spread: Callable[[Float[jax.Array, "V 10"]], Float[jax.Array, "V 10"]] | None = None,
 ) -> Float[jax.Array, "V 3"]:
     """Return the vertices after one step towards the samples."""
     moments = _sum_moments(vertices, ring, samples, winners, weights, config, chunk, order)
+    if spread is not None:
+        moments = spread(moments)
     step = _solve_moments(moments, config.stiffness, config.step_limit)
     return vertices + (step if is_movable is None else jnp.where(is_movable[:, None], step, 0.0))
 

@@ -35,11 +35,11 @@ _MAX_HALVINGS = 14
 _SAMPLE_SIZE = 40000
 """Points that the search counts, about: it bounds the time on large clouds."""
 _FLAT_NEIGHBORS = 10
-"""So many neighbors; below 8, points in the air look flat by chance."""
+"""Neighbors of which a sparse point is one plane with; below 8, points in the air look flat by chance."""
 _KEPT_SHARE = 0.5
-"""Or where more than this share of its neighbors stay."""
+"""A sparse point stays, too, where more than this share of its neighbors do ..."""
 _MAX_LONELINESS = 1.5
-"""As sparse is what is at most this many times farther from its neighbors than they from theirs."""
+"""... and it is at most this many times farther from its neighbors than they from theirs."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def _find_flat(
 
 
 def _find_cell(points: Float[np.ndarray, "N 3"]) -> float:
-    """Return the edge at which cells hold `points_per_cell` points, found on every n-th point."""
+    """Return the edge at which cells hold `_POINTS_PER_CELL` points, found on every n-th point."""
     high = float(np.ptp(points, axis=0).max())
     low = high / 2.0**_MAX_HALVINGS
     stride = max(1, len(points) // _SAMPLE_SIZE)

@@ -38,9 +38,9 @@ _PROGRESS_INTERVAL = 50
 _NUM_ROUNDS = 8
 """Times that the map is made again from the matched scans; its loop closes in 8."""
 _KEY_DISTANCE = 0.4
-"""A scan becomes part of the map where the robot has gone on by this [m], or."""
+"""A scan becomes part of the map where the robot has gone on by this [m] ..."""
 _KEY_ANGLE = 0.35
-"""Has turned by this [rad]."""
+"""... or has turned by this [rad]."""
 _MAX_KEYS = 400
 """Scans that the final map is made of, about: more take longer and change little."""
 _FIRST_REACH = 0.15
@@ -53,9 +53,9 @@ _MAP_CELL = 0.03
 _LINE_REACH = 0.15
 """Points of the map within this distance [m] make a line."""
 _LINE_POINTS = 12
-"""Points that make a line, where the noise is at most `line_noise`."""
+"""Points that make a line, where the noise is at most `_LINE_NOISE`."""
 _LINE_NOISE = 0.012
-"""Noise of the readings [m] up to which walls are lines of `line_points`; noisier ones take more in
+"""Noise of the readings [m] up to which walls are lines of `_LINE_POINTS`; noisier ones take more in
 proportion."""
 _MAX_FLATNESS = 0.05
 """Points are on a line where their variance across it is less than this share of that along it."""
@@ -80,9 +80,9 @@ direction open."""
 _MAX_ITERATIONS = 15
 """Largest number of iterations of a match."""
 _TRANSLATION_TOLERANCE = 0.0001
-"""A match has converged where it moves by less [m] and."""
+"""A match has converged where it moves the scan by less than this [m] ..."""
 _ROTATION_TOLERANCE = 1e-05
-"""Turns by less [rad]."""
+"""... and turns it by less than this [rad]."""
 
 
 class _Map(NamedTuple):

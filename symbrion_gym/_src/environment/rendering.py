@@ -128,7 +128,7 @@ _MAX_GEOMS = 4000
 _LAG = 0.5
 """Time after which the camera has gone two thirds of the way to the organism [s]; longer is smoother."""
 _DISTANCE = 0.75
-"""From the organism [m] ..."""
+"""The camera is this far from the organism [m] ..."""
 _DISTANCE_PER_LENGTH = 0.95
 """... and per meter of its length, so that all of it is seen."""
 _AZIMUTH = 105.0

@@ -96,11 +96,6 @@ class RangeFinder:
         ranges = cast(pose[:3, 3], self.directions @ pose[:3, :3].T)
         return np.where(ranges <= self.scanner.max_range, ranges, np.nan)
 
-    def read_nearest(self, data: mujoco.MjData, rng: np.random.Generator | None = None) -> float:
-        """Return the nearest range of all beams [m]: what an infrared unit reads; its range where nothing is near."""
-        ranges = self.read(data, rng)
-        return float(np.nanmin(ranges)) if np.isfinite(ranges).any() else self.scanner.max_range
-
     def _find_directions(self, directions: ArrayLike | None) -> Float[np.ndarray, "R 3"]:
         if directions is None:
             return self.scanner.directions

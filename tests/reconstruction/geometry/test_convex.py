@@ -12,7 +12,6 @@ from reconstruction._src.geometry.halfspaces import (
     make_solid,
 )
 from reconstruction._src.geometry.outlines import (
-    cut_outline,
     find_bounds,
     find_hull_outline,
     find_outline,
@@ -48,13 +47,9 @@ def test_a_prism_under_a_ridge():
     assert make_solid(np.zeros((4, 4)), None) is None
 
 
-def test_outlines_are_cut_and_measured():
+def test_outlines_are_measured():
     assert measure_area(SQUARE) == pytest.approx(4.0)
     assert measure_area(SQUARE[::-1]) == pytest.approx(-4.0)
-    half = cut_outline(SQUARE, np.array([1.0, 0.0, 0.5]))
-    assert half is not None
-    assert measure_area(half) == pytest.approx(1.0)
-    assert cut_outline(SQUARE, np.array([1.0, 0.0, -1.0])) is None
     assert is_within(SQUARE, np.array([[1.0, 1.0], [3.0, 1.0]])).tolist() == [True, False]
     box = trimesh.creation.box((2.0, 2.0, 1.0))
     outline = find_outline(box, np.array([[1.0, 0.0, 0.0]]))

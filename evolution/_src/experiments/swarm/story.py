@@ -172,11 +172,6 @@ def tell_story(
     return Story(config, stands, reason, gathered, crossed, ended, recoveries, int(across.sum()), track)
 
 
-def find_gathering_time(config: StoryConfig, arena: Arena, progress: Progress = silent) -> float:
-    """Return when the organism of a story is whole [s]; nan if it is not within `gather_time`."""
-    return _gather(_begin(config, arena, find_field(arena, config.num_robots)), config, progress)
-
-
 def _begin(config: StoryConfig, arena: Arena, field: Field) -> BehavingSwarm:
     count = config.num_robots
     world = KinematicWorld(arena, count, make_scout())

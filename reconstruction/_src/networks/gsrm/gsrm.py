@@ -63,6 +63,7 @@ _COARSE_SAMPLES = 24
 _COARSE_ITERATIONS = 3
 """Iterations of that first fit."""
 _SURFACE_FIT = FitConfig()
+"""How the mesh is fitted to the samples at the end."""
 
 
 @dataclass(frozen=True)

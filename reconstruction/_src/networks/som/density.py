@@ -51,8 +51,8 @@ plane."""
 _MIN_HEIGHT = 1.5
 """An outlier stands off the plane by more than this many spacings of its neighbors."""
 _HEIGHT_RATIO = 7.4
-"""And by more than this many times their median height; of a normal distribution 7.4 are five standard
-deviations."""
+"""An outlier stands off it by more than this many times their median height, too; of a normal distribution 7.4
+are five standard deviations."""
 _NUM_PASSES = 2
 """Searches for outliers, each among those left by the one before: outliers hide one another."""
 

@@ -127,7 +127,7 @@ NORMAL_ANGLE = 0.35
 """Largest angle between a face and its shape [rad]: normals of faces of 3 cm with a noise of 1 mm deviate by
 4 degrees."""
 MIN_PART = 0.003
-"""... and those with a smaller share of the surface."""
+"""Share of the surface that a shape has at least; smaller ones stay triangles."""
 MIN_COVERED = 0.3
 """Share of a closed shape (box, sphere, cylinder) that faces cover, at least."""
 MAX_EXPOSED = 0.02

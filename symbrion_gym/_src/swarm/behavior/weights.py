@@ -1,14 +1,12 @@
-"""The weights of the behaviors: named numbers with bounds, which CMA-ES can evolve."""
+"""The weights of the behaviors: named numbers with bounds."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from math import radians
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from symbrion_gym._src.errors import OptionError
 
@@ -77,40 +75,6 @@ class BehaviorWeights:
             value = getattr(self, name)
             if not (np.all(low <= np.asarray(value)) and np.all(np.asarray(value) <= high)):
                 raise OptionError(f"weight {name} must be from {low:.4g} to {high:.4g}, got {value!r}")
-
-    @classmethod
-    def stack(cls, weights: Sequence[BehaviorWeights], num_robots: int) -> BehaviorWeights:
-        """Return weights whose values are arrays, one value a robot: swarms with other weights in one world."""
-        values: dict[str, Any] = {
-            each.name: np.repeat([getattr(one, each.name) for one in weights], num_robots)
-            for each in fields(cls)
-        }
-        return cls(**values)
-
-    @classmethod
-    def from_genotype(
-        cls, genotype: Float[np.ndarray, " W"], names: tuple[str, ...], base: BehaviorWeights | None = None
-    ) -> BehaviorWeights:
-        """Return weights of which some were evolved."""
-        bounds, values = list_bounds(), np.asarray(genotype, dtype=np.float64)
-        unknown = sorted(set(names) - set(bounds))
-        if unknown:
-            raise OptionError(f"no weight {unknown[0]!r}; there are: {', '.join(bounds)}")
-        if values.shape != (len(names),) or not np.isfinite(values).all():
-            raise OptionError(
-                f"{len(names)} finite numbers are needed, one for each weight, got {genotype!r}"
-            )
-        share = np.clip(values, 0.0, 1.0)
-        found = {
-            name: bounds[name][0] + float(place) * (bounds[name][1] - bounds[name][0])
-            for name, place in zip(names, share, strict=True)
-        }
-        return replace(base or cls(), **found)
-
-    def to_genotype(self, names: tuple[str, ...]) -> Float[np.ndarray, " W"]:
-        """Return where the named weights lie between their bounds, 0 to 1."""
-        bounds = list_bounds()
-        return np.array([(getattr(self, n) - bounds[n][0]) / (bounds[n][1] - bounds[n][0]) for n in names])
 
 
 def list_bounds() -> dict[str, tuple[float, float]]:

@@ -93,11 +93,6 @@ class Gap:
         return self.top - self.floor
 
     @property
-    def start_line(self) -> Line:
-        """The line across the way at `start`."""
-        return self.way.find_line(self.start)
-
-    @property
     def near_edge(self) -> Line:
         """The near edge, across the way."""
         return self.way.find_line(self.near)

@@ -80,11 +80,6 @@ class Ramp:
         """The line across the way at the foot."""
         return self.way.find_line(self.foot)
 
-    @property
-    def crest_line(self) -> Line:
-        """The line across the way at the crest."""
-        return self.way.find_line(self.crest)
-
 
 def find_ramp(
     arena: Arena,
