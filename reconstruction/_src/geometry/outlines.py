@@ -86,7 +86,7 @@ def _measure_corners(polygon: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P
 
 
 _LONGEST = 5.0
-"""A face is an ear where its edge at the rim is longer than this many median edges of the surface: a network leaves none ..."""
+"""A sliver: its edge at the rim is longer than this many median edges of the surface: a network leaves none ..."""
 _MIN_ANGLE_DEG = 120.0
 """... and its corner off the rim has an angle above this [degrees]: it is low ..."""
 _MIN_BEND_DEG = 10.0
