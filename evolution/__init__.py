@@ -7,7 +7,7 @@ from reconstruction._src.base.lazy import export_lazily
 if TYPE_CHECKING:
     from evolution._src.backends.outcome import Outcome
     from evolution._src.backends.scoring import Scoring
-    from evolution._src.backends.trials import Randomization, RolloutConfig
+    from evolution._src.backends.settings import Randomization, RolloutConfig
     from evolution._src.bodies.genome import BodyGenome
     from evolution._src.body_search.config import BodiesConfig, BodyEvolutionConfig
     from evolution._src.body_search.confirmation import confirm

@@ -73,7 +73,7 @@ def train(task: SuiteTask, seed: int, seconds: float = BUDGET) -> Entry:
     """Return what PPO learns within a simulated time."""
     body = ROW if task.body is None else task.body
     trials = task.make_trials(body, CONTROLLER, 1, EXAM_SEED)
-    organism = trials.body.find_organism()
+    organism = trials.find_organism()
     network = PolicyNetwork(organism, 2 * organism.num_modules)
     envs = make_envs(task, trials, network, seed)
     model = PPO("MlpPolicy", envs, policy_kwargs=POLICY, seed=seed, device="cpu", **SETTINGS)

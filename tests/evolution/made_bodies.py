@@ -8,7 +8,7 @@ from evolution._src.bodies.genome import genome_of
 def simulate(jobs, threads):
     return [
         Outcome(
-            0.1 * genome_of(job.trials.body.find_organism()).num_modules + float(job.genotype.sum()) * 1e-3,
+            0.1 * genome_of(job.trials.find_organism()).num_modules + float(job.genotype.sum()) * 1e-3,
             0.01,
             (False,) * job.trials.count,
             seconds=1.0,

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from evolution._src.backends import rollout
-from evolution._src.backends.parts import BodyConfig
 from evolution._src.backends.trials import Job, Outcome, make_failure
 from evolution._src.errors import NoEnvironmentError
+from symbrion_gym._src.robot.organism import Organism
 
 logger = logging.getLogger(__name__)
 
@@ -20,11 +20,11 @@ def simulate_bodies(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
     try:
         return rollout.simulate(jobs, threads)
     except NoEnvironmentError as error:
-        places: dict[BodyConfig, list[int]] = defaultdict(list)
+        places: dict[Organism, list[int]] = defaultdict(list)
         for place, job in enumerate(jobs):
-            places[job.trials.body].append(place)
+            places[job.trials.find_organism()].append(place)
         if len(places) == 1:
-            _tell(jobs[0].trials.body, str(error))
+            _tell(jobs[0].trials.find_organism().num_modules, str(error))
             return [make_failure(job.trials, str(error)) for job in jobs]
     outcomes: dict[int, Outcome] = {}
     for own in places.values():
@@ -33,7 +33,6 @@ def simulate_bodies(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
 
 
 @lru_cache(maxsize=1000)
-def _tell(body: BodyConfig, error: str) -> None:
+def _tell(modules: int, error: str) -> None:
     """Log once what is wrong with a body."""
-    modules = body.find_organism().num_modules
     logger.warning("a body of %d modules counts as failed: %s", modules, error)

@@ -134,5 +134,4 @@ class WorkerPool(ABC, Generic[Worker]):
         self._stop(worker)
 
     def _give_up(self, job: Job) -> Outcome:
-        times = "twice"
-        return make_failure(job.trials, f"its worker died, {times}")
+        return make_failure(job.trials, f"its worker died {MAX_DEATHS} times")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
+from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -18,10 +19,9 @@ from jaxtyping import Float
 
 from evolution._src.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution._src.backends.scoring import Records, as_records
+from evolution._src.backends.settings import CONDITIONS, RolloutConfig
 from evolution._src.backends.trials import (
-    CONDITIONS,
     Job,
-    RolloutConfig,
     Trials,
     find_arena_key,
     find_trial_controller,
@@ -188,21 +188,25 @@ def warm_up(trials: Trials, num_jobs: int, threads: int, engine: str = "mujoco")
             raise NoEnvironmentError(f"the environment cannot be made: {error}") from error
 
 
+_DIFFERENT = ("arena", "randomization", "count", "seed")
+"""Fields in which trials that share an environment may differ, the name of the arena among them."""
+
+
 def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
-    arena = find_arena_key(trials.arena)
-    return arena, trials.body, trials.episode, trials.control, trials.rollout, trials.trial.descriptors
+    others = [getattr(trials, each.name) for each in fields(trials) if each.name not in _DIFFERENT]
+    return find_arena_key(trials.arena), *others
 
 
 def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
     """Return the options of the environment in which trials take place."""
     sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
-    patience = {"stuck_time": stuck_time} if trials.episode.has_parameter("stuck_time") else {}
-    options = {"sensors": sensors} | patience | trials.episode.make_options()
+    patience = {"stuck_time": stuck_time} if trials.has_parameter("stuck_time") else {}
+    options = {"sensors": sensors} | patience | trials.make_options()
     body = trials.modules if trials.organism is None else trials.organism
-    if trials.trial.descriptors:
-        options["recorders"] = trials.trial.descriptors
+    if trials.descriptors:
+        options["recorders"] = trials.descriptors
     return options | {"arena": prepare_arena(trials.arena), "modules": body}
 
 

@@ -210,7 +210,7 @@ def find_effort_weight(config: BodyEvolutionConfig) -> float:
     """Return the effort of a joule of work of the hinges."""
     from symbrion_gym._src.tasks.traverse import UsualTerms  # loads MuJoCo
 
-    return float(dict(config.episode.environment).get("effort_weight", UsualTerms.effort_weight)) or 1.0
+    return float(dict(config.environment).get("effort_weight", UsualTerms.effort_weight)) or 1.0
 
 
 def explain_fitness(run: BodyRun) -> str:

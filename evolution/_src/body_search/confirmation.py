@@ -98,16 +98,14 @@ def _try_again(
     if fresh.is_complete:
         write_fresh_trials(run.folder, run.config, fresh)
         return fresh
-    execution = run.config.execution
-    backend = make_backend(
-        execution.backend, execution.workers, execution.address, simulate or simulate_bodies
-    )
+    config = run.config
+    backend = make_backend(config.backend, config.workers, config.address, simulate or simulate_bodies)
     try:
         for number in range(len(fresh.rules.rounds)):
             due = fresh.find_due(number)
-            for begin in range(0, len(due), execution.workers):
+            for begin in range(0, len(due), config.workers):
                 _show(progress, fresh, number, len(due))
-                fresh = _try_round(run, backend, fresh, number, due[begin : begin + execution.workers])
+                fresh = _try_round(run, backend, fresh, number, due[begin : begin + config.workers])
                 write_fresh_trials(run.folder, run.config, fresh)
     finally:
         backend.close()
@@ -137,6 +135,6 @@ def _try_round(
 def _make_job(config: BodyEvolutionConfig, result: LevelResult, number: int, rules: Validation) -> Job:
     """Return a round of fresh trials of a result."""
     trials: Trials = config.make_trials(result.body, rules.rounds[number], (CONFIRMATION, number))
-    if isinstance(trials.episode.find_start(), str):  # as in the final test: close before a gap is easier
-        trials = replace(trials, episode=replace(trials.episode, start=rules.start))
+    if isinstance(trials.find_start(), str):  # as in the final test: close before a gap is easier
+        trials = replace(trials, start=rules.start)
     return Job(np.array(result.genotype), trials)

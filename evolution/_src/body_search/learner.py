@@ -80,7 +80,7 @@ class Learner:
         if missing and self._backend is None:
             raise RunError("a search that is only read tries nothing")
         self._on_tried, self._tried = on_tried, Tried(0, self._count_due(list(missing.values())), 0.0)
-        for chunk in _split(list(missing.values()), self._config.trial.rollout.max_environments):
+        for chunk in _split(list(missing.values()), self._config.rollout.max_environments):
             self._teach(chunk)
         results = [self._record.find(each.body.canonical_text, each.level) for each in assignments]
         return [result for result in results if result is not None]
@@ -114,7 +114,7 @@ class Learner:
     def _continue(self, body: BodyGenome) -> Learning:
         """Return the learning of a body as it stands after its last recorded level."""
         organism = self._config.make_organism(body)
-        controller = self._config.control.make_controller(organism, self._config.episode)
+        controller = self._config.make_controller(organism)
         learning = Learning(body, controller, self._config.learning, self._config.origin, self._config.seed)
         for generation in self._record.find_generations(body.canonical_text):
             learning.tell(learning.ask(), np.array(generation))
@@ -173,7 +173,7 @@ class Learner:
         """Return the jobs of each body where this process runs one after the other anyway, and progress is shown."""
         if self._on_tried is None or self._config.backend not in LOCAL_BACKENDS:
             return [jobs]
-        return [list(part) for _, part in groupby(jobs, key=lambda job: job.trials.body)]
+        return [list(part) for _, part in groupby(jobs, key=lambda job: job.trials.organism)]
 
     def _report(self, outcomes: Sequence[Outcome]) -> None:
         """Count further trials, and report them where that is wanted."""

@@ -155,7 +155,7 @@ def _iterate(
     run = BodyRun(config, record, (), folder, fresh)
     used: dict[tuple[str, int], LevelResult] = {}
     for _ in range(config.iterations):
-        limit, assignments = config.bodies.max_seconds, algorithm.ask()
+        limit, assignments = config.max_seconds, algorithm.ask()
         is_over = limit is not None and _sum_seconds(used) >= limit
         is_known = learner.knows(assignments)
         if is_over or not assignments or (backend is None and not is_known):
@@ -192,7 +192,7 @@ def _follow(config: BodyEvolutionConfig, run: BodyRun, progress: Progress) -> On
 
 def _find_share(config: BodyEvolutionConfig, run: BodyRun, tried: Tried) -> float:
     """Return the share of a run that is done: of its iterations or its simulated time, whichever ends it first."""
-    share, limit = tried.trials / max(tried.due, 1), config.bodies.max_seconds
+    share, limit = tried.trials / max(tried.due, 1), config.max_seconds
     of_iterations = (len(run.history) + share) / config.iterations
     if limit is None:
         return of_iterations

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from evolution._src.backends.parts import BodyConfig
+from evolution._src.backends.settings import EpisodeConfig, take_fields
 from evolution._src.body_search.config import BodyEvolutionConfig
 from evolution._src.body_search.fresh_trials import FreshTrials
 from evolution._src.body_search.learning import LevelResult
@@ -108,14 +108,11 @@ class BodyRun:
         return Champion(
             genotype=result.genotype,
             names=result.names,
-            arena=self.config.arena,
-            generation=0,
             fitness=result.fitness,
             successes=result.successes,
             trials=result.trials,
-            body=BodyConfig(organism=self.config.make_organism(result.body)),
-            episode=self.config.episode,
-            control=self.config.control,
+            organism=self.config.make_organism(result.body),
+            **take_fields(self.config, EpisodeConfig),
         )
 
     def list_fittest(self) -> list[LevelResult]:
@@ -137,7 +134,7 @@ class BodyRun:
     @property
     def is_spent(self) -> bool:
         """Whether the simulated time that the run may take is used up: resumed, it tries nothing more."""
-        limit = self.config.bodies.max_seconds
+        limit = self.config.max_seconds
         return limit is not None and bool(self.history) and self.history[-1][0] >= limit
 
 

@@ -46,12 +46,12 @@ class DockedChampion:
         from symbrion_gym._src.swarm.docks import make_organism
 
         self._world, self._modules = world, list(modules)
-        body = champion.body.find_organism()
+        body = champion.find_organism()
         links = [link for link in world.state.links if link.first in self._modules]
         organism, order = make_organism(links, self._modules, world.scout, self._modules[0])
         if organism.dockings != body.dockings or list(order) != self._modules:
             raise RunError(f"robots {self._modules} have not docked into the body of the champion")
-        self._controller = champion.control.make_controller(body, champion.episode)
+        self._controller = champion.make_controller(body)
         missing = sorted(set(self._controller.sensors) - set(_READ))
         if missing:
             raise RunError(f"docked robots do not sense {', '.join(missing)}; there are: {', '.join(_READ)}")

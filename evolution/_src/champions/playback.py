@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,8 @@ from jaxtyping import Bool, Float, UInt8
 from evolution._src.backends.cluster import make_backend
 from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.rollout import make_environment_options
-from evolution._src.backends.trials import Job, Randomization, Trials, find_trial_controller
+from evolution._src.backends.settings import BodyConfig, EpisodeConfig, Randomization, take_fields
+from evolution._src.backends.trials import Job, Trials, find_trial_controller
 from evolution._src.controllers.protocol import Controller, Structure, check_genotypes, reset_rows
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_TRIALS
@@ -24,7 +25,7 @@ from reconstruction._src.base.range_checks import as_integers
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 if TYPE_CHECKING:
-    from evolution._src.backends.parts import Point
+    from evolution._src.backends.settings import Point
     from evolution._src.backends.trials import ArenaSource
 
 UNSTRETCHED = Randomization(stretch=(1.0,))
@@ -157,12 +158,12 @@ def make_champion_trials(
 ) -> Trials:
     """Return trials of a champion: its body, its controller and its task, all found again in the arena."""
     champion = restore(champion, allow)
-    episode = champion.episode
-    if start is None and isinstance(episode.find_start(), str):
+    settings = take_fields(champion, EpisodeConfig) | take_fields(champion, BodyConfig) | {"arena": arena}
+    if start is None and isinstance(champion.find_start(), str):
         start = "floor"
     if start is not None:
-        episode = replace(episode, start=start)
-    return Trials(arena=arena, body=champion.body, episode=episode, control=champion.control, **others)
+        settings["start"] = start
+    return Trials(**settings, **others)
 
 
 def _run(
@@ -231,8 +232,8 @@ class ChampionPolicy:
     ) -> None:
         loaded = champion if isinstance(champion, Champion) else load_champion(champion)
         self.champion = restore(loaded, allow)
-        self._organism = self.champion.body.find_organism()
-        self._controller = self.champion.control.make_controller(self._organism, self.champion.episode)
+        self._organism = self.champion.find_organism()
+        self._controller = self.champion.make_controller(self._organism)
         self._genotype = np.array(self.champion.genotype)
         check_genotypes(self._controller, self._genotype)
         self._structure = structure

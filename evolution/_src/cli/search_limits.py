@@ -37,7 +37,7 @@ def find_stops(run: BodyRun) -> list[str]:
     if run.has_all_iterations:
         stops.append(f"--generations {run.config.iterations}")
     if run.is_spent:
-        stops.append(f"--max-seconds {run.config.bodies.max_seconds:g}")
+        stops.append(f"--max-seconds {run.config.max_seconds:g}")
     return stops
 
 
@@ -75,13 +75,13 @@ def find_longest_iteration(config: ev.BodyEvolutionConfig) -> tuple[int, int, fl
     trials = sum(
         config.learning.count_trials(level) for each in assignments for level in range(each.level + 1)
     )
-    longest = EnvironmentConfig.from_options(config.episode.make_options()).find_task().duration
+    longest = EnvironmentConfig.from_options(config.make_options()).find_task().duration
     return len(assignments), trials, longest
 
 
 def warn_of_limit(config: ev.BodyEvolutionConfig) -> None:
     """Log one line if an iteration, which is always finished, can take more simulated time than a search may."""
-    limit = config.bodies.max_seconds
+    limit = config.max_seconds
     if limit is None:
         return
     bodies, trials, longest = find_longest_iteration(config)
@@ -102,18 +102,17 @@ def warn_of_way(
     config: ev.EvolutionConfig | ev.BodyEvolutionConfig, smallest: Organism, largest: Organism
 ) -> None:
     """Log one line if the way of a search over a scan leaves drivable ground; a task that fails says so itself."""
-    episode = config.episode
-    if episode.task != TASK or not isinstance(config.arena, str) or config.arena in NAMED_ARENAS:
+    if config.task != TASK or not isinstance(config.arena, str) or config.arena in NAMED_ARENAS:
         return
     import symbrion_gym as sg
     from evolution._src.backends.trials import prepare_arena
     from symbrion_gym._src.tasks.drivable_way import find_broken_traverse, propose_way
 
-    arena, goal = prepare_arena(config.arena), episode.goal
+    arena, goal = prepare_arena(config.arena), config.goal
     assert isinstance(arena, sg.Arena)
     if isinstance(goal, str):  # a known object
         return
-    start = cast("StartName", episode.start or "floor")
+    start = cast("StartName", config.start or "floor")
     bodies = format_count(largest.num_modules, "module")
     try:
         way = find_broken_traverse(arena, smallest, largest, start, goal)

@@ -134,7 +134,7 @@ class Evaluator:
             trials = replace(trials, seed=(*trials.seed, seed))
         outcomes = self._backend.run([Job(genotype, trials) for genotype in genotypes])
         check_tried(outcomes)
-        body = trials.body.find_organism()
+        body = trials.find_organism()
         fitness = [compute_fitness(self._scoring, outcome, body) for outcome in outcomes]
         return Evaluation(np.array(fitness), outcomes)
 

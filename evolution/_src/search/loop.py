@@ -18,6 +18,7 @@ from evolution._src.backends.cluster import LOCAL_BACKENDS, Backend, make_backen
 from evolution._src.backends.outcome import check_tried
 from evolution._src.backends.rollout import warm_up
 from evolution._src.backends.scoring import compute_fitness
+from evolution._src.backends.settings import BodyConfig, TrialConfig, take_fields
 from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import Job, Trials, prepare_arena
 from evolution._src.controllers.source import ControllerSource
@@ -111,12 +112,7 @@ def prepare(config: EvolutionConfig, progress: Progress = silent) -> None:
         require_extras("backend 'warp'", "gpu")
     prepare_arena(config.arena, progress)
     trials = Trials(
-        arena=config.arena,
-        body=config.body,
-        episode=config.episode,
-        control=config.control,
-        trial=config.trial,
-        count=config.trials,
+        **take_fields(config, TrialConfig), **take_fields(config, BodyConfig), count=config.trials
     )
     is_here, engine = config.backend in LOCAL_BACKENDS, "warp" if config.backend == "warp" else "mujoco"
     progress("compiling the environment", 0.0)
@@ -275,7 +271,7 @@ class _Evolution:
                 kind=kind,
                 index=index,
                 genotype=genotype,
-                fitness=compute_fitness(self._config.scoring, outcome, self._config.body.find_organism()),
+                fitness=compute_fitness(self._config.scoring, outcome, self._config.find_organism()),
                 outcome=outcome,
             )
             for (index, genotype), outcome in zip(numbered, outcomes, strict=True)
@@ -287,19 +283,11 @@ class _Evolution:
         """Return the trials of a genotype; candidates have conditions of their own in each round (`block`)."""
         config, is_validation = self._config, kind == VALIDATION
         own_seed = (index + 1, block) if is_validation else ()
-        episode = config.episode
-        if is_validation and config.validation_start != episode.find_start():
-            episode = replace(episode, start=config.validation_start)
-        trials = Trials(
-            arena=config.arena,
-            body=config.body,
-            episode=episode,
-            control=config.control,
-            trial=config.trial,
-            count=count,
-            seed=(config.seed, kind, self._record.num_generations, *own_seed),
-        )
-        return Job(genotype, trials)
+        seed = (config.seed, kind, self._record.num_generations, *own_seed)
+        settings = take_fields(config, TrialConfig) | take_fields(config, BodyConfig)
+        if is_validation and config.validation_start != config.find_start():
+            settings["start"] = config.validation_start
+        return Job(genotype, Trials(**settings, count=count, seed=seed))
 
     def _take_recorded(
         self, kind: int, numbered: Sequence[tuple[int, Float[np.ndarray, " G"]]]

@@ -23,8 +23,7 @@ class RestartingSearch:
 
     def __init__(self, config: EvolutionConfig) -> None:
         self._config = config
-        organism = config.body.find_organism()
-        self.controller = config.control.make_controller(organism, config.episode)
+        self.controller = config.make_controller(config.find_organism())
         space = _make_space(config, self.controller)
         self.strategy = Strategy(space, config.sigma, config.population_size, config.seed)
         self._last_improvement = self._max_successes = 0

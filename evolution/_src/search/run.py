@@ -25,6 +25,7 @@ import filelock
 import numpy as np
 from jaxtyping import Shaped
 
+from evolution._src.backends.settings import BodyConfig, EpisodeConfig, take_fields
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.record import HISTORY, VALIDATION, Record
@@ -42,10 +43,8 @@ def find_champion(config: EvolutionConfig, record: Record, names: Sequence[str])
     return Champion(
         genotype=tuple(entry.genotype.tolist()),
         names=tuple(names),
-        control=config.control,
-        body=config.body,
-        episode=config.episode,
-        arena=config.arena,
+        **take_fields(config, EpisodeConfig),
+        **take_fields(config, BodyConfig),
         generation=entry.generation,
         fitness=entry.fitness,
         successes=entry.outcome.successes if is_validated else 0,

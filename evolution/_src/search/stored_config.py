@@ -1,57 +1,59 @@
-"""A configuration as JSON: fields of parts side by side, as in every version; what a user wrote by reference."""
+"""A configuration as JSON: its fields, what a user wrote by reference."""
 
+import hashlib
 import json
-from collections.abc import Callable, Collection
-from dataclasses import asdict, is_dataclass, replace
-from typing import Any, TypeVar
+from collections.abc import Collection
+from dataclasses import asdict, fields, is_dataclass, replace
+from os import PathLike
+from typing import Any, TypeVar, get_type_hints
 
-from evolution._src.backends.nested import Nested, Options
-from evolution._src.backends.parts import Point
-from evolution._src.backends.scoring import StoredDescriptors, descriptors_to_json
+from evolution._src.backends.scoring import Scoring, StoredDescriptors, descriptors_to_json
+from evolution._src.backends.settings import EpisodeConfig
 from evolution._src.backends.stored_task import StoredTask, task_to_json
-from evolution._src.backends.trials import Randomization, RolloutConfig
-from evolution._src.controllers.controller import ControllerConfig
 from evolution._src.controllers.finding import controller_to_json
 from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
 from evolution._src.references import Reference, refer
 from reconstruction._src.base.typed_json import JsonError, as_type
-from symbrion_gym._src.robot.organism import Organism
 
-Kinds = dict[str, Any]
-"""Name of a field -> type of its JSON content. In place of the scoring a user may give a function or another class, of
-which a file keeps name, version and fields."""
-SHARED_KINDS: Kinds = {
+_OPEN_FIELDS: dict[str, Any] = {
+    "arena": str,
     "modules": int,
-    "organism": Organism | None,
     "task": str | dict[str, Any] | None,
-    "start": str | Point | None,
-    "goal": str | Point | None,
-    "environment": Options,
     "controller": str | dict[str, Any],
-    "controller_config": ControllerConfig,
-    "origin": str,
-    "randomization": Randomization,
-    "rollout": RolloutConfig,
+    "scoring": Scoring,
     "descriptors": list[Any],
 }
-"""Of the parts that several configurations have."""
+"""Types, in a file, of fields that take values of a user. In place of the scoring a user may give a function or another
+class, of which a file keeps name, version and fields."""
 
-N = TypeVar("N", bound=Nested)
-DictFactory = Callable[[list[tuple[str, Any]]], dict[str, Any]]
+C = TypeVar("C", bound=EpisodeConfig)
 
 
-def to_json(config: Nested, kinds: Kinds, dict_factory: DictFactory = dict) -> dict[str, Any]:
+def check_text_fields(config: Any) -> None:
+    """Take paths as text, and refuse an arena that no file could name."""
+    for name in ("arena", "folder"):
+        value = getattr(config, name)
+        if isinstance(value, PathLike):
+            object.__setattr__(config, name, str(value))
+    if not isinstance(config.arena, str):
+        raise RunError(
+            f"arena is {type(config.arena).__name__}; a run is stored as text: save the arena in a folder and name that"
+        )
+
+
+def to_json(config: EpisodeConfig) -> dict[str, Any]:
     """Return JSON content of the fields of a configuration."""
-    pairs = [
-        (name, _describe(name, value, kinds[name], dict_factory)) for name, value in config.flatten().items()
-    ]
-    return dict_factory(pairs)
+    kinds = _list_kinds(type(config))
+    content = {name: _describe(name, getattr(config, name), kind) for name, kind in kinds.items()}
+    return json.loads(to_text(content | {"environment": dict(config.environment)}))
 
 
-def drop_none(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object without the entries that are None."""
-    return {name: value for name, value in pairs if value is not None}
+def find_digest(config: EpisodeConfig, left_out: Collection[str]) -> str:
+    """Return a fingerprint of all fields but some."""
+    content = to_json(config) | {"start": config.find_start()}
+    content = {name: value for name, value in content.items() if name not in left_out}
+    return hashlib.sha256(to_text(content, is_sorted=True).encode()).hexdigest()
 
 
 def to_text(content: Any, *, is_sorted: bool = False) -> str:
@@ -62,10 +64,16 @@ def to_text(content: Any, *, is_sorted: bool = False) -> str:
         raise RunError(f"environment: {error}, and a run is stored as text; use numbers and names") from error
 
 
-def _describe(name: str, value: Any, kind: Any, dict_factory: DictFactory) -> Any:
+def _list_kinds(cls: type[EpisodeConfig]) -> dict[str, Any]:
+    """Return name and type of the fields of a configuration in a file."""
+    kinds = get_type_hints(cls)
+    return {each.name: _OPEN_FIELDS.get(each.name, kinds[each.name]) for each in fields(cls)}
+
+
+def _describe(name: str, value: Any, kind: Any) -> Any:
     if isinstance(kind, type) and is_dataclass(kind):
         if type(value) is kind:
-            return asdict(value, dict_factory=dict_factory)
+            return asdict(value)
         if name != "scoring":
             raise RunError(
                 f"{name} is a {type(value).__qualname__}, which a file does not keep; use {kind.__name__}"
@@ -82,9 +90,9 @@ def _describe(name: str, value: Any, kind: Any, dict_factory: DictFactory) -> An
     return value
 
 
-def read_content(content: object, kinds: Kinds, where: str) -> dict[str, Any]:
-    """Return the fields that JSON content describes; this imports nothing."""
-    lead = f"{where}." if where else ""
+def read_content(content: object, cls: type[EpisodeConfig], where: str) -> dict[str, Any]:
+    """Return the fields of a configuration that JSON content describes; this imports nothing."""
+    lead, kinds = f"{where}." if where else "", _list_kinds(cls)
     if not isinstance(content, dict):
         raise RunError(f"{where or 'content'} is {content!r}; an object is needed")
     unknown = sorted(set(map(str, content)) - set(kinds))
@@ -109,14 +117,15 @@ def _read_field(name: str, value: Any, kind: Any, where: str) -> Any:
     return StoredDescriptors(json.dumps(found, sort_keys=True)) if name == "descriptors" and found else found
 
 
-def restore(config: N, allow: Collection[str] = ()) -> N:
+def restore(config: C, allow: Collection[str] = ()) -> C:
     """Return a configuration with what a user wrote imported again."""
     changes: dict[str, Any] = {}
-    for name, value in config.flatten().items():
+    for each in fields(config):
+        name, value = each.name, getattr(config, each.name)
         if isinstance(value, Reference | StoredDescriptors):
             changes[name] = value.restore(name, allow)
         elif isinstance(value, StoredTask):
             changes[name] = value.restore(allow)
         elif isinstance(value, ControllerSource):
             changes[name] = value.allow(allow)
-    return replace(config, **changes) if changes else config  # pyright: ignore[reportArgumentType]
+    return replace(config, **changes) if changes else config

@@ -11,15 +11,14 @@ References:
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from evolution._src.backends.nested import Nested
 from evolution._src.backends.outcome import Outcome
-from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
+from evolution._src.backends.settings import BodyConfig, EpisodeConfig
 from evolution._src.controllers.finding import refer_to_controller
 from evolution._src.errors import RunError
 from evolution._src.references import (
@@ -30,7 +29,7 @@ from evolution._src.references import (
     MIN_POSITIVE,
 )
 from evolution._src.search.record import SAMPLE, VALIDATION, Entry, Record
-from evolution._src.search.stored_config import SHARED_KINDS, Kinds, read_content, to_json, to_text
+from evolution._src.search.stored_config import read_content, to_json
 from reconstruction._src.base.range_checks import (
     as_floats,
     as_integers,
@@ -43,21 +42,8 @@ from symbrion_gym._src.environment.config import STARTS
 
 MAX_ROUNDS = 100
 """Largest number of rounds of validation trials of a candidate."""
-CHAMPION_KINDS: Kinds = {
-    "genotype": tuple[float, ...],
-    "names": tuple[str, ...],
-    "arena": str,
-    "generation": int,
-    "fitness": float,
-    "successes": int,
-    "trials": int,
-    **{
-        name: SHARED_KINDS[name]
-        for name in SHARED_KINDS
-        if name not in ("randomization", "rollout", "descriptors")
-    },
-}
-"""Types of the fields of `champion.json`."""
+_NEEDED = ("genotype", "names", "controller", "modules", "arena", "generation", "fitness")
+"""Fields without which `champion.json` is none."""
 
 
 @dataclass(frozen=True)
@@ -110,55 +96,40 @@ class Validation:
         return mean + successful[: self.candidates]
 
 
-@dataclass(frozen=True, init=False)
-class Champion(Nested):
+@dataclass(frozen=True, kw_only=True)
+class Champion(EpisodeConfig, BodyConfig):
     """The result of a run: its best validated genotype, the body that it moves and what is to be done.
-
-    The fields of its parts count as its own: `champion.modules`, `champion.controller`.
 
     Attributes:
         genotype: values of the genes of the controller.
         names: names of the genes.
-        arena: arena in which the champion was selected.
         generation: generation in which it was sampled.
         fitness: fitness in that generation, from few trials.
         successes: number of its validation trials that succeeded.
         trials: number of its validation trials; 0 if no genotype became a candidate.
-        body: the body.
-        episode: the task and further options of the environment in which it was selected.
-        control: the controller that reads the genotype.
 
     Raises:
         RunError: a field is out of range, or there are not as many names as genes.
     """
 
-    PARTS: ClassVar[tuple[str, ...]] = ("body", "episode", "control")
-    POSITIONAL: ClassVar[tuple[str, ...]] = (
-        *("genotype", "names", "controller", "modules", "arena", "generation", "fitness"),
-        *("successes", "trials", "environment", "controller_config"),
-    )
-
     genotype: tuple[float, ...]
     names: tuple[str, ...]
-    arena: str
-    generation: int
-    fitness: float
+    generation: int = 0
+    fitness: float = 0.0
     successes: int = 0
     trials: int = 0
-    body: BodyConfig = field(default_factory=BodyConfig)
-    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
-    control: ControlConfig = field(default_factory=ControlConfig)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_body()
         genotype = as_floats("genotype", self.genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
-        object.__setattr__(self, "genotype", genotype)
+        self._set("genotype", genotype)
         if len(self.genotype) != len(self.names):
             raise RunError(
                 f"genotype has {len(self.genotype)} genes, names {len(self.names)}; one each is needed"
             )
         if isinstance(self.controller, str | dict):
-            controller = refer_to_controller(self.controller, self.body.find_organism())
-            self.set_field("controller", controller)
+            self._set("controller", refer_to_controller(self.controller, self.find_organism()))
         trials = MAX_TRIALS * MAX_ROUNDS
         counts = {"generation": (0, MAX_GENERATIONS), "trials": (0, trials), "successes": (0, self.trials)}
         coerce_integers(self, counts, RunError)
@@ -175,16 +146,7 @@ class Champion(Nested):
         Raises:
             RunError: controller or task cannot be restored.
         """
-        found = to_json(self, CHAMPION_KINDS) | {"environment": dict(self.environment)}
-        defaults = {
-            "start": "pit" if self.task is None and self.goal is None else None,
-            **dict.fromkeys(("organism", "task", "goal")),
-        }
-        found["start"] = self.episode.find_start()
-        content = {name: found[name] for name in self.POSITIONAL}
-        content |= {name: found[name] for name, default in defaults.items() if found[name] != default}
-        to_text(content)  # refuses what no file can keep
-        return content
+        return to_json(self)
 
     @classmethod
     def from_dict(cls, content: object) -> "Champion":
@@ -193,8 +155,8 @@ class Champion(Nested):
         Raises:
             RunError: a field is missing, unknown or of the wrong kind.
         """
-        found = read_content(content, CHAMPION_KINDS, "")
-        missing = [name for name in cls.POSITIONAL[:7] if name not in found]
+        found = read_content(content, cls, "")
+        missing = [name for name in _NEEDED if name not in found]
         if missing:
             raise RunError(f"it lacks the field {missing[0]!r}")
         return cls(**found)

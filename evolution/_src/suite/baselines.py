@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from evolution._src.backends.cluster import Backend
-from evolution._src.backends.parts import read_organism
-from evolution._src.backends.trials import Job, Randomization, find_trial_controller
+from evolution._src.backends.settings import Randomization, read_organism
+from evolution._src.backends.trials import Job, find_trial_controller
 from evolution._src.bodies.variation import BodyLimits, make_random_body
 from evolution._src.body_search.algorithms import make_algorithm
 from evolution._src.body_search.config import BodiesConfig, BodyEvolutionConfig

@@ -124,7 +124,7 @@ def load_submission(path: Path) -> Submission:
 
 def check_entry(entry: Entry) -> None:
     """Refuse what cannot have been found under the rules of its task."""
-    from evolution._src.backends.parts import read_organism
+    from evolution._src.backends.settings import read_organism
 
     task = find_suite_task(entry.task)
     organism = read_organism(entry.body)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
-from evolution._src.backends.parts import BodyConfig
-from evolution._src.backends.trials import Randomization, Trials
+from evolution._src.backends.settings import Randomization
+from evolution._src.backends.trials import Trials
 from evolution._src.errors import RunError
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
@@ -124,7 +124,7 @@ class SuiteTask:
         """Return trials of a genotype."""
         return Trials(
             arena=find_arena(self, in_truth),
-            body=BodyConfig(organism=body),
+            organism=body,
             controller=controller,
             randomization=Randomization(stretch=(1.0,)),
             count=count,

@@ -57,7 +57,7 @@ def test_a_genotype_that_kills_its_workers_is_recorded(make_pool):
     jobs = toys.make_jobs(6)
     outcomes = make_pool(toys.deadly).run(jobs)
     for job, outcome, good in zip(jobs, outcomes, toys.bowl(jobs, 1), strict=True):
-        assert outcome.error == "its worker died, twice" if job.genotype[0] > 0.3 else outcome == good
+        assert outcome.error == "its worker died 2 times" if job.genotype[0] > 0.3 else outcome == good
     assert any(outcome.error for outcome in outcomes)
 
 
@@ -103,4 +103,4 @@ def test_a_pool_follows_its_constants(
     finally:
         backend.close()
     errors = {outcome.error for job, outcome in zip(jobs, outcomes, strict=True) if job.genotype[0] > 0.3}
-    assert errors == {"its worker died, once"}
+    assert errors == {"its worker died 1 times"}

@@ -9,7 +9,8 @@ import pytest
 from evolution._src.backends import rollout
 from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.rollout import make_environment_options, simulate, split_job
-from evolution._src.backends.trials import Job, Randomization, RolloutConfig, Trials
+from evolution._src.backends.settings import Randomization, RolloutConfig
+from evolution._src.backends.trials import Job, Trials
 from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
 from evolution._src.errors import RunError
@@ -134,7 +135,9 @@ def test_rollout_configs_refuse(arguments):
 @pytest.fixture
 def champion() -> Champion:
     controller = make_controller("reactive", 4)
-    return Champion(REACTIVE_HINT, controller.parameters, "reactive", 4, "truth", 0, 0.0)
+    return Champion(
+        genotype=REACTIVE_HINT, names=controller.parameters, controller="reactive", modules=4, arena="truth"
+    )
 
 
 def test_a_champion_is_a_policy(champion, tmp_path):

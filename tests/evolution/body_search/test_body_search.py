@@ -29,7 +29,7 @@ def landscape(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     wanted = _list_places(parse_genome(BEST))
     outcomes = []
     for job in jobs:
-        places = _list_places(genome_of(job.trials.body.find_organism()))
+        places = _list_places(genome_of(job.trials.find_organism()))
         likeness = len(places & wanted) / len(places | wanted)
         distance = float(np.abs(job.genotype - 0.3).mean())
         luck = np.random.default_rng([*job.trials.seed, len(places)]).normal(0.0, 0.01)
@@ -139,7 +139,7 @@ def test_the_champion_is_a_champion_as_of_any_run(tmp_path):
     run = evolve_bodies(make_config(folder=tmp_path / "run"), simulate=landscape)
     champion = ev.load_champion(tmp_path / "run")
     assert champion == run.champion
-    assert champion.body.find_organism().num_modules == run.best.body.num_modules
+    assert champion.find_organism().num_modules == run.best.body.num_modules
 
 
 def test_a_record_of_another_configuration_is_refused(tmp_path):
@@ -184,14 +184,22 @@ def test_a_task_that_the_arena_does_not_have_leaves_no_folder(tmp_path):
     [
         ({"modules": 5}, "modules is given, and bodies are searched"),
         ({"track_control": "constant"}, "bodies of 1 module have no hinge"),
-        ({"bodies": BodiesConfig(), "algorithm": "luck"}, "luck"),
-        ({"smallest": 5, "largest": 2}, "got 5 and 2"),
+        ({"smallest": 5}, "smallest"),
         ({"arena": 3}, "arena is int"),
     ],
 )
 def test_configurations_that_cannot_be_are_refused(change, message):
     with pytest.raises(RunError, match=message):
         make_config(**change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [({"algorithm": "luck"}, "luck"), ({"smallest": 5, "largest": 2}, "got 5 and 2")],
+)
+def test_bodies_that_cannot_be_are_refused(change, message):
+    with pytest.raises(RunError, match=message):
+        BodiesConfig(**change)
 
 
 @pytest.mark.parametrize("levels", [(), (0, 1), (3, 3), (4, 2)])
@@ -201,7 +209,7 @@ def test_levels_rise(levels):
 
 
 def test_a_run_whose_time_is_spent_says_so_when_it_is_resumed(tmp_path, caplog):
-    config = make_config(bodies=replace(BODIES, max_seconds=1.0), iterations=2, folder=str(tmp_path / "run"))
+    config = make_config(max_seconds=1.0, iterations=2, folder=str(tmp_path / "run"))
     run = evolve_bodies(config, simulate=landscape)
     assert run.is_spent
     assert len(run.history) == 1

@@ -20,7 +20,7 @@ def simulate(jobs, threads):
     """Larger bodies go farther; outside of the search, bodies of two modules alone succeed, those of one by half."""
     outcomes = []
     for job in jobs:
-        modules, count = genome_of(job.trials.body.find_organism()).num_modules, job.trials.count
+        modules, count = genome_of(job.trials.find_organism()).num_modules, job.trials.count
         shares = {1: 0.5, RELIABLE: 1.0}
         is_confirmation = job.trials.seed[1] == CONFIRMATION
         won = round(shares.get(modules, 0.0) * count) if is_confirmation else count
@@ -58,7 +58,7 @@ def test_trials_are_not_those_of_the_search(run):
     confirm(run, candidates=20, simulate=watch)
     assert {trials.seed[:2] for trials in seen} == {(0, CONFIRMATION)}
     assert {trials.arena for trials in seen} == {run.config.arena}
-    draws = {trials.seed: trials.trial.randomization.draw(trials.seed, 4)["yaw"].tolist() for trials in seen}
+    draws = {trials.seed: trials.randomization.draw(trials.seed, 4)["yaw"].tolist() for trials in seen}
     assert len({tuple(values) for values in draws.values()}) == len(draws) == 4
 
 
@@ -69,7 +69,7 @@ def test_trials_begin_where_those_of_the_final_test_do(start, expected):
     seen = set()
 
     def watch(jobs, threads):
-        seen.update(job.trials.episode.find_start() for job in jobs)
+        seen.update(job.trials.find_start() for job in jobs)
         return simulate(jobs, threads)
 
     confirm(found, candidates=2, simulate=watch)

@@ -32,7 +32,7 @@ class Physics:
     def __call__(self, jobs, threads):
         outcomes = []
         for job in jobs:
-            modules, count = genome_of(job.trials.body.find_organism()).num_modules, job.trials.count
+            modules, count = genome_of(job.trials.find_organism()).num_modules, job.trials.count
             is_fresh = job.trials.seed[1] == CONFIRMATION
             self.fresh += count * is_fresh
             self.jobs += 1
@@ -149,12 +149,9 @@ def test_a_folder_that_has_gone_on_is_refused(tmp_path):
 
 
 def test_a_raised_limit_equals_one_from_the_start(tmp_path):
-    def limit(seconds):
-        return replace(LARGE, max_seconds=seconds)
-
-    config = {"iterations": 50}
-    whole = search(tmp_path / "whole", bodies=limit(9.0), **config)
-    search(tmp_path / "parts", bodies=limit(3.0), **config)
+    config = {"bodies": LARGE, "iterations": 50}
+    whole = search(tmp_path / "whole", max_seconds=9.0, **config)
+    search(tmp_path / "parts", max_seconds=3.0, **config)
     short = ev.load_bodies(tmp_path / "parts")
     assert len(short.history) < len(whole.history) < 50
     run = ev.resume_bodies(tmp_path / "parts", simulate=Physics(), max_seconds=9.0)

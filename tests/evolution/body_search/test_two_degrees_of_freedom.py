@@ -23,7 +23,7 @@ def test_every_trial_has_modules_with_both_joints(algorithm):
     tried = []
 
     def watch(jobs, threads):
-        tried.extend(job.trials.body.find_organism() for job in jobs)
+        tried.extend(job.trials.find_organism() for job in jobs)
         return made_bodies.simulate(jobs, threads)
 
     run = ev.evolve(make_config(bodies=replace(BODIES, algorithm=algorithm)), simulate=watch)
@@ -44,7 +44,7 @@ def test_the_folder_the_champion_and_the_page_keep_both_joints(tmp_path):
     whole = ev.evolve(make_config(), simulate=made_bodies.simulate)
     assert resumed.history == whole.history
     champion = ev.load_champion(tmp_path / "run")
-    assert champion.body.find_organism().scout.dofs == 2
+    assert champion.find_organism().scout.dofs == 2
     assert champion == resumed.champion
     make_body_page(resumed).write(tmp_path / "bodies.html")
     assert resumed.best is not None

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from evolution._src.backends.parts import BodyConfig, ControlConfig
 from evolution._src.champions.docked import DockedChampion
 from evolution._src.errors import RunError
 from evolution._src.search.validation import Champion
@@ -23,8 +22,8 @@ def make_champion(modules, value=0.0):
         fitness=0.0,
         successes=0,
         trials=0,
-        body=BodyConfig(modules=modules),
-        control=ControlConfig(controller="path"),
+        modules=modules,
+        controller="path",
     )
 
 

@@ -74,7 +74,9 @@ def test_an_interruption_names_the_command_that_goes_on(tmp_path, capsys, monkey
 
 def test_progress_within_an_iteration_changes_nothing(tmp_path):
     told = []
-    config = made_bodies.make_config(iterations=2, largest=4)
+    config = made_bodies.make_config(
+        iterations=2, bodies=ev.BodiesConfig(algorithm="exhaustive", largest=4, children=20)
+    )
     silent = ev.evolve(config, simulate=made_bodies.simulate)
     shown = ev.evolve(config, simulate=made_bodies.simulate, progress=lambda *each: told.append(each))
     assert shown.record.to_bytes("") == silent.record.to_bytes("")

@@ -9,7 +9,8 @@ import pytest
 import toys
 from evil_json import DEEP, find_trouble, mutate
 
-from evolution._src.backends.trials import Randomization, Scoring
+from evolution._src.backends.scoring import Scoring
+from evolution._src.backends.settings import Randomization
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run, resume

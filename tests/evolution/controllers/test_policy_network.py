@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from evolution._src.backends.parts import read_organism
+from evolution._src.backends.settings import read_organism
 from evolution._src.controllers.finding import find_controller
 from evolution._src.controllers.policy_network import HOLD, SENSORS, UNITS, PolicyNetwork
 

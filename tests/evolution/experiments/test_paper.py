@@ -109,7 +109,10 @@ def test_the_scanner_stands_on_the_course_and_sees_it() -> None:
 def test_crossings_are_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = tuple(f"g{index}" for index in range(8))
     champion = ev.Champion(
-        (-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6), names, "reactive", 8, "simple", 0, 0.0
+        genotype=(-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6),
+        names=names,
+        controller="reactive",
+        arena="simple",
     )
     monkeypatch.setattr(ev, "load_champion", lambda folder: champion)
     monkeypatch.setattr(

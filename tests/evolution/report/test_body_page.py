@@ -47,7 +47,7 @@ def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
         outcomes = []
         for job, outcome in zip(jobs, made_bodies.simulate(jobs, threads), strict=True):
             is_fresh = job.trials.seed[1] == CONFIRMATION
-            modules = genome_of(job.trials.body.find_organism()).num_modules
+            modules = genome_of(job.trials.find_organism()).num_modules
             outcomes.append(replace(outcome, succeeded=(is_fresh and modules == 2,) * job.trials.count))
         return outcomes
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import toys
 
-from evolution._src.backends.trials import RolloutConfig
+from evolution._src.backends.settings import RolloutConfig
 from evolution._src.controllers.controller import ControllerConfig
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig

@@ -7,7 +7,7 @@ import pytest
 import toys
 
 from evolution._src.backends import rollout
-from evolution._src.backends.trials import RolloutConfig
+from evolution._src.backends.settings import RolloutConfig
 from evolution._src.controllers.protocol import OutOfBoundsWarning
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
@@ -84,7 +84,7 @@ def test_two_bodies_are_refused_by_name(modules):
     config = EvolutionConfig(modules=7, organism="H")
     assert EvolutionConfig.from_json(config.to_json()) == config == EvolutionConfig(organism="H")
     assert Evaluator(organism="H").trials.modules == 7
-    assert Evaluator(organism=3).trials.body.find_organism() == snake(3)
+    assert Evaluator(organism=3).trials.find_organism() == snake(3)
 
 
 def test_seeds_give_conditions():

@@ -8,7 +8,8 @@ import pytest
 import toys
 from histories import TOY, read_without_times, without_times
 
-from evolution._src.backends.trials import Randomization, Scoring
+from evolution._src.backends.scoring import Scoring
+from evolution._src.backends.settings import Randomization
 from evolution._src.controllers.controller import NUM_KNOTS
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run

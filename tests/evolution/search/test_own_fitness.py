@@ -10,7 +10,7 @@ import toys
 from histories import TOY, without_times
 
 from evolution._src.backends.scoring import Scoring
-from evolution._src.backends.trials import Randomization
+from evolution._src.backends.settings import Randomization
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.evaluation import evaluate

@@ -28,7 +28,7 @@ def test_a_run_with_a_task_is_resumed_and_its_champion_judged(task, tmp_path):
     run = resume(tmp_path / "run", generations=2, allow=("own_task",))
     assert [entry.fitness for entry in run.record.entries] == [e.fitness for e in whole.record.entries]
     champion = load_champion(tmp_path / "run")
-    assert make_champion_trials(champion, "simple", allow=("own_task",)).episode.task == config.task
+    assert make_champion_trials(champion, "simple", allow=("own_task",)).task == config.task
     assert judge(champion, "truth", 2, allow=("own_task",)) == judge(whole.champion, "truth", 2)
 
 

@@ -93,8 +93,15 @@ def test_records_survive_bytes():
     assert [len(entries) for entries, _ in again.generations()] == [1, 1]
 
 
+def make_champion(**changes):
+    usual = {"genotype": (0.1,), "names": ("a",), "controller": "posture", "modules": 3, "arena": "truth"}
+    return Champion(**usual | {"generation": 4, "fitness": 1.5} | changes)
+
+
 def test_champions_survive_json():
-    champion = Champion((0.1, 0.2), ("a", "b"), "posture", 3, "truth", 4, 1.5, 15, 16, (("pit", 0.3),))
+    champion = make_champion(
+        genotype=(0.1, 0.2), names=("a", "b"), successes=15, trials=16, environment=(("pit", 0.3),)
+    )
     assert Champion.from_dict(champion.as_dict()) == champion
     assert champion.score == pytest.approx(16 / 18)
     with pytest.raises(RunError, match="wings"):
@@ -227,12 +234,10 @@ def test_of_equal_champions_the_later_one_is_selected():
 
 
 def test_a_champion_as_plain_content():
-    champion = Champion(
-        (0.1,), ("a",), "posture", 3, "truth", 4, 1.5, environment=(("pit", 0.3), ("bottomless", True))
-    )
+    champion = make_champion(environment=(("pit", 0.3), ("bottomless", True)))
     content = champion.as_dict()
     assert content["environment"] == {"pit": 0.3, "bottomless": True}
-    assert content["genotype"] == (0.1,)
+    assert content["genotype"] == [0.1]
     assert champion.score == 0.0
     again = Champion.from_dict(content | {"genotype": [1], "names": ["b"]})
     assert again.genotype == (1.0,)
@@ -252,7 +257,7 @@ def test_a_champion_as_plain_content():
     ],
 )
 def test_invalid_champions_are_refused(change):
-    champion = Champion((0.1,), ("a",), "posture", 3, "truth", 4, 1.5)
+    champion = make_champion()
     (name,) = change
     with pytest.raises(RunError, match=rf"^(genotype|{name})"):
         Champion.from_dict(champion.as_dict() | change)

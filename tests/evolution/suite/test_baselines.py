@@ -25,9 +25,7 @@ def simulate(jobs, threads):
     outcomes = []
     for job in jobs:
         trials = job.trials
-        progress = (
-            1.0 - float(np.abs(job.genotype - 0.3).mean()) + 0.1 * trials.body.find_organism().num_modules
-        )
+        progress = 1.0 - float(np.abs(job.genotype - 0.3).mean()) + 0.1 * trials.find_organism().num_modules
         outcomes.append(
             Outcome(
                 progress,
@@ -84,7 +82,7 @@ def test_the_surrogate_search_finds_large_bodies_where_these_are_better():
 def test_practice_keeps_the_best_and_counts_what_was_simulated():
     task = find_suite_task(FIXED)
     practice = Practice(task, make_backend("batch", 1, simulate=simulate), 12.0)
-    body = task.make_trials(task.body, "oscillators", 1, (0,)).body.find_organism()
+    body = task.make_trials(task.body, "oscillators", 1, (0,)).find_organism()
     genes = len(practice.make_controller(body).parameters)
     fitness = practice.try_all(body, np.array([np.zeros(genes), np.full(genes, 0.3)]))
     assert (practice.seconds, practice.generation, practice.has_time()) == (10.0, 1, True)
@@ -147,7 +145,7 @@ def test_no_generation_of_learning_has_a_seed_of_the_exam():
 
     task = find_suite_task(FIXED)
     practice = Practice(task, make_backend("batch", 1, simulate=watch), 60.0)
-    body = task.make_trials(task.body, "oscillators", 1, (0,)).body.find_organism()
+    body = task.make_trials(task.body, "oscillators", 1, (0,)).find_organism()
     while practice.has_time():
         practice.try_all(body, np.zeros((1, len(practice.make_controller(body).parameters))))
     learned = {int(np.random.SeedSequence(list(seed)).generate_state(1)[0]) for seed in asked}

@@ -121,6 +121,6 @@ def test_an_object_is_the_goal_of_a_run(tmp_path):
     ev.evolve(config)
     champion = ev.load_run(tmp_path / "run").champion
     assert champion is not None
-    assert champion.episode.goal == "object_station_0"
+    assert champion.goal == "object_station_0"
     with pytest.raises(ev.RunError, match="needs a task"):
         ev.EvolutionConfig(goal="object_station_0")

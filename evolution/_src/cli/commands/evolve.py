@@ -31,7 +31,6 @@ from evolution._src.cli.commands.evolve_bodies import (
 )
 from evolution._src.cli.console import Console
 from evolution._src.cli.search_limits import describe_interruption, warn_of_limit, warn_of_way
-from evolution._src.search.config import SearchConfig
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.assets import SCANNED
 from symbrion_gym._src.environment.config import STARTS
@@ -85,7 +84,7 @@ class Evolve(SeededCommand):
     finished. `symbrion resume` can raise it."""
     population: int | None = None
     """Genotypes of a generation, or new bodies of an iteration of --bodies. Default: 12, or 9 bodies."""
-    trials: int = SearchConfig.trials
+    trials: int = ev.EvolutionConfig.trials
     """Trials of each genotype."""
     generations: int | None = None
     """Limit on the generations, or on the iterations of --bodies. Default: 50; 20 with --bodies."""
@@ -141,7 +140,7 @@ class Evolve(SeededCommand):
                 raise UsageError(
                     f"{flag} is of one body, and --bodies searches for bodies; leave out one of them"
                 )
-        if self.trials != SearchConfig.trials:
+        if self.trials != ev.EvolutionConfig.trials:
             raise UsageError("--trials is of one body; see `ev.LearningConfig` for what a body may learn")
         assert self.bodies is not None
         return make_bodies_config(
@@ -178,7 +177,7 @@ class Evolve(SeededCommand):
             warn_of_way(found, snake(found.bodies.smallest), snake(found.bodies.largest))
             return run_bodies(found, console)
         config = self.make_config()
-        body = config.body.find_organism()
+        body = config.find_organism()
         warn_of_way(config, body, body)
         with console.track(f"Evolution, {format_count(config.modules, 'module')}") as step:
             run = ev.evolve(config, progress=step.progress)

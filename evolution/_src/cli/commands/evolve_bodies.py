@@ -47,22 +47,17 @@ def make_bodies_config(
         environment = {"track_control": "skid"} | environment
     values = dict(fields) | {
         "environment": environment,
-        "smallest": smallest,
-        "largest": largest,
-        "algorithm": algorithm,
         "max_seconds": max_seconds,
     }
     if iterations is not None:
         values["iterations"] = iterations
-    if children is not None:
-        values |= {
-            "children": children,
-            "population_size": children,
-        }  # the first iteration is no longer than others
+    sizes: dict[str, Any] = {"smallest": smallest, "largest": largest, "algorithm": algorithm}
+    if children is not None:  # the first iteration is no longer than others
+        sizes |= {"children": children, "population_size": children}
     try:
-        return ev.BodyEvolutionConfig(**values)
+        return ev.BodyEvolutionConfig(**values, bodies=ev.BodiesConfig(**sizes))
     except RunError as error:
-        raise UsageError(name_flag(str(error), values)) from error
+        raise UsageError(name_flag(str(error), values | sizes)) from error
 
 
 def name_flag(message: str, fields: Mapping[str, Any]) -> str:

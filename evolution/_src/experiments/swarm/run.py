@@ -104,7 +104,7 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
     count = config.story.num_robots
     if config.champion is not None:
         champion = restore(load_champion(config.champion), config.allow)
-        if champion.body.find_organism() != sg.snake(count):
+        if champion.find_organism() != sg.snake(count):
             raise ev.RunError(
                 f"the champion {config.champion} is no snake of {count} modules; give --robots as its body has, or "
                 "another champion"
