@@ -13,11 +13,11 @@ from reconstruction._src.objects.verification import Verdict
 MESHES = {"socket": make_socket()}
 
 
-def make_scan(num_objects, seed=40):
+def make_scan(num_objects, seed=40, **changes):
     pytest.importorskip("embreex", reason="scans of made rooms need the extra 'embree'")
     from benchmarks.material.object_rooms import RoomScan, make_survey
 
-    how = RoomScan(noise=0.003)
+    how = RoomScan(noise=0.003, **changes)
     return make_survey(MESHES, seed, num_objects, how)
 
 
@@ -34,15 +34,10 @@ def test_sockets_are_found_with_their_poses(library):
     assert max(judged.position_mm) < 20
     assert max(judged.angle_deg) < 5
     assert all(each.score > 0.94 and each.num_beams > 40 for each in found)
-    again = rc.find_objects(survey.cloud, MESHES)
-    for one, other in zip(found, again, strict=True):
-        np.testing.assert_array_equal(one.position, other.position)
-        np.testing.assert_array_equal(one.rotation, other.rotation)
-        assert one.score == other.score
 
 
 def test_an_empty_room_has_no_objects(library):
-    assert rc.find_objects(make_scan(0).cloud, MESHES) == []
+    assert rc.find_objects(make_scan(0, step=0.6, num_viewpoints=2).cloud, MESHES) == []
 
 
 def test_objects_are_found_in_a_mesh(library):
@@ -54,6 +49,10 @@ def test_objects_are_found_in_a_mesh(library):
     (found,) = rc.find_objects(room, MESHES)
     np.testing.assert_allclose(found.position, (0, 0.2, 0.5), atol=0.005)
     np.testing.assert_allclose(found.rotation, np.eye(3), atol=0.05)
+    (again,) = rc.find_objects(room, MESHES)
+    np.testing.assert_array_equal(again.position, found.position)
+    np.testing.assert_array_equal(again.rotation, found.rotation)
+    assert again.score == found.score
 
 
 def test_without_objects_there_is_nothing_to_find(library):

@@ -190,7 +190,7 @@ def test_unknown_names_and_options_are_refused(scanned):
 
 def test_mesh_files_load_by_path(scanned, tmp_path):
     scanned.export(tmp_path / "pit.ply")
-    arena = load_arena(tmp_path / "pit.ply", course=Course(), cache=tmp_path / "cache")
+    arena = load_arena(tmp_path / "pit.ply", kind="prisms", course=Course(), cache=tmp_path / "cache")
     assert arena.name == "pit"
     assert (arena.course, arena.friction_source) == (Course(), "exact")
     assert (make_arena(scanned, kind="prisms", friction=0.5)).friction_source == "given"
@@ -226,7 +226,7 @@ def test_the_cache_gives_back_the_same_and_survives_damage(scanned, tmp_path):
     assert all(
         np.array_equal(a.vertices, b.vertices) for a, b in zip(first.pieces, rebuilt.pieces, strict=True)
     )
-    make_arena(scanned, time_limit=UNHURRIED, cache=tmp_path, accuracy=0.004)
+    make_arena(scanned, time_limit=UNHURRIED, cache=tmp_path, kind="prisms")
     assert len(list(tmp_path.glob("*.npz"))) == 2
     assert not list(tmp_path.glob("*.part"))
 

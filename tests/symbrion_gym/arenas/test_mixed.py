@@ -20,7 +20,7 @@ def arena() -> sg.Arena:
     floor = trimesh.creation.box((2.0, 2.0, 0.5)).apply_translation((0.0, 0.0, -0.25))
     ball = trimesh.creation.icosphere(3, 0.3).apply_translation((0.2, 0.1, 0.1))
     solid = trimesh.boolean.union([floor, ball])
-    vertices, faces = trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, 0.15)[:2]
+    vertices, faces = trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, 0.25)[:2]
     mesh = trimesh.Trimesh(vertices, faces)
     mesh.merge_vertices()
     mesh.vertices = mesh.vertices + np.random.default_rng(0).normal(0, 0.001, mesh.vertices.shape)

@@ -1,6 +1,7 @@
 """Rough open ground that becomes a height field by itself, and what does not."""
 
 import numpy as np
+import pytest
 import trimesh
 from constants import with_constants
 
@@ -29,13 +30,18 @@ def make(mesh: trimesh.Trimesh, least_density: float = 1.0) -> Contact:
         return make_contact(mesh, ContactOptions(), ACCURACY)
 
 
+@pytest.fixture(scope="module")
+def waves() -> Contact:
+    return make(make_waves())
+
+
 def find_result(contact: Contact) -> str | None:
     found = [note["result"] for note in contact.notes["passes"] if note["pass"] == "fit height field"]
     return found[0] if found else None
 
 
-def test_rough_ground_becomes_a_height_field_as_close_as_patches():
-    contact = make(make_waves())
+def test_rough_ground_becomes_a_height_field_as_close_as_patches(waves):
+    contact = waves
     assert contact.height_field is not None
     assert contact.pieces == []
     assert find_result(contact) == "accepted"
@@ -43,9 +49,8 @@ def test_rough_ground_becomes_a_height_field_as_close_as_patches():
     assert 0.02 <= contact.notes["spacing"] <= 0.06
 
 
-def test_the_heights_are_those_of_the_ground():
-    mesh = make_waves()
-    field = make(mesh).height_field
+def test_the_heights_are_those_of_the_ground(waves):
+    field = waves.height_field
     assert field is not None
     rows, columns = field.heights.shape
     x, y = np.meshgrid(
@@ -56,7 +61,7 @@ def test_the_heights_are_those_of_the_ground():
 
 
 def test_ground_with_few_pieces_keeps_them():
-    contact = make(make_waves(), 1e6)
+    contact = make(make_waves(21, 1.0), 1e6)
     assert contact.height_field is None
     assert find_result(contact) is None
 
@@ -71,6 +76,6 @@ def test_ground_with_holes_keeps_its_pieces():
 
 def test_where_pieces_are_asked_for_there_is_no_height_field():
     with with_constants(patches, least_density=1.0):
-        contact = make_contact(make_waves(), ContactOptions(kind="convex"), ACCURACY)
+        contact = make_contact(make_waves(21, 1.0), ContactOptions(kind="convex"), ACCURACY)
     assert contact.height_field is None
     assert contact.pieces
