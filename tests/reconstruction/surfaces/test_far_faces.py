@@ -44,6 +44,16 @@ def test_a_face_in_the_air_is_cut_off_and_the_floor_is_kept() -> None:
     assert cut.share == pytest.approx(area / (16 + area))
 
 
+@pytest.mark.parametrize(("read", "is_far"), [(1, True), (2, True), (3, False)])
+def test_a_face_is_far_where_half_of_its_samples_are(read: int, is_far: bool) -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [12.0, 0.0, 0.0], [0.0, 12.0, 0.0]])
+    middle = corners.mean(axis=0)
+    samples = np.array([middle, *(middle + corners) / 2])
+    patch = 0.02 * np.stack(np.meshgrid(*2 * [np.arange(-8, 9)], [0]), axis=-1).reshape(-1, 3)
+    points = np.concatenate([place + patch for place in samples[:read]])
+    assert find_far_faces(corners, np.array([[0, 1, 2]]), points).tolist() == [is_far]
+
+
 def test_nothing_is_cut_where_everything_was_read() -> None:
     mesh = make_floor(9)
     cut = cut_far_faces(np.asarray(mesh.vertices), np.asarray(mesh.faces), read_floor())

@@ -207,6 +207,19 @@ def test_track_speeds_can_be_part_of_the_action(control):
     assert back[-1] < back[0] - 0.07
 
 
+def test_noise_stays_within_the_bounds():
+    env = OrganismEnv(modules=2, noise=100.0)
+    envs = gym.make_vec(
+        "symbrion_gym/SnakePit-v1", 2, vectorization_mode="vector_entry_point", modules=2, noise=100.0
+    )
+    for made in (env, envs):
+        observation, _ = made.reset(seed=0)
+        for _ in range(5):
+            assert made.observation_space.contains(observation)
+            observation = made.step(np.zeros(made.action_space.shape))[0]
+        made.close()
+
+
 def test_sensor_noise_can_be_chosen():
     env = OrganismEnv(modules=1, noise=2.0, sensors=["pitch", "roll"], sensor_noise=SensorNoise(pitch=0.03))
     assert env._episodes.observer.noise.tolist() == [0.06, 0.02]

@@ -7,9 +7,18 @@ from made_ground import make_floor, make_sheet
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.swarm.docks import find_dock_poses
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
-from symbrion_gym._src.swarm.signals.infrared import AMBIENT, FALLOFF, SATURATION, SignalConfig, find_readings
+from symbrion_gym._src.swarm.signals.infrared import (
+    AMBIENT,
+    FALLOFF,
+    SATURATION,
+    SignalConfig,
+    find_light,
+    find_readings,
+    find_units,
+)
 from symbrion_gym._src.swarm.signals.signals import NO_MESSAGE, Signals, Transmissions, pass_on
 
 EXACT = SignalConfig(noise=0.0, relative_noise=0.0, message_loss=0.0)
@@ -38,6 +47,25 @@ def test_a_unit_at_one_meter_reads_the_gain():
     assert find_readings(np.zeros(3), x, 2 * x, back, EXACT) == pytest.approx(EXACT.gain * 2**-FALLOFF)
     assert find_readings(np.zeros(3), back, x, back, EXACT) == 0.0
     assert find_readings(np.zeros(3), x, x, x, EXACT) == 0.0
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 0.45, 0.8, 1.3])
+def test_light_reaches_as_far_as_it_is_read(angle):
+    """A robot that looks at a beacon reads it wherever its units would, near the axis of the light and to its sides."""
+    seen, wanted = [], []
+    world = KinematicWorld(FLOOR, 2, config=KinematicConfig(slip=0.0))
+    for distance in np.linspace(0.3, 2.9, 40):
+        place = (distance * np.cos(angle) - 1.9, distance * np.sin(angle) - 1.0, angle + np.pi)
+        world.reset(np.array([(-1.9, -1.0, 0.0), place]))
+        shining = np.array([[True, False, False, False], [False] * 4])
+        light = find_light(world.state, shining, world.sight, world.scout, EXACT)
+        start, axis = (part[0, FRONT] for part in find_dock_poses(world.state, world.scout))
+        units, axes = (part[1, :2] for part in find_units(world.state, world.scout))
+        seen.append(bool((light.side == FRONT).any()))
+        wanted.append(bool((find_readings(start, axis, units, axes, EXACT) > 0.5).any()))
+    assert any(wanted)
+    assert not all(wanted) or angle < 0.4
+    assert seen == wanted
 
 
 @pytest.mark.parametrize(

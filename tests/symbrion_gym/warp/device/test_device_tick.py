@@ -1,5 +1,6 @@
 """The tick of a device beside that of the host, fed with the same physics of the C engine: no Warp is needed."""
 
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -32,6 +33,25 @@ def test_bodies_fail_and_get_stuck_as_on_the_host():
     run(both, 700, -1.0, 1.0)
     assert not both.running.any()
     assert both.info["stuck"].any() or both.info["touched_pit"].any() or both.info["rolled_over"].any()
+
+
+def test_a_body_that_fails_as_it_arrives_has_not_succeeded_as_on_the_host():
+    options: dict[str, Any] = {"modules": 3, "start": "pit", "pit": 0.12, "sensors": ("pitch",)}
+    both = Both(**options)
+    run(both, 700, 0.0, 0.0)
+    assert both.info["success"].all()
+    last = int(np.round(both.info["time"].min() / both.envs.config.dt))
+    task = World(EnvironmentConfig(**options)).task
+    late = Termination("late", partial(is_late, last=last), is_failure=True)
+    both = Both(**options, task=task.replace(terminations=(*task.terminations, late)))
+    run(both, 700, 0.0, 0.0)
+    assert both.info["late"].all()
+    assert not both.info["success"].any()
+
+
+def is_late(state: Any, last: int) -> Any:
+    """Return whether a decision has come."""
+    return state.tick >= last
 
 
 @pytest.mark.parametrize("control", ["body", "modules", "skid"])
