@@ -20,11 +20,9 @@ from evolution._src.errors import RunError
 from evolution._src.references import (
     MAX_GENERATIONS,
     MAX_GENOTYPES,
-    MAX_MAGNITUDE,
     MAX_MODULES,
     MAX_SEED,
     MAX_WORKERS,
-    MIN_POSITIVE,
 )
 from evolution._src.search.stored_config import (
     check_text_fields,
@@ -33,12 +31,12 @@ from evolution._src.search.stored_config import (
     restore,
     to_json,
 )
-from reconstruction._src.base.range_checks import check_choice, coerce_floats, coerce_integers
+from reconstruction._src.base.range_checks import check_choice, coerce_integers
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 ALGORITHMS = ("surrogate", "random", "exhaustive")
-RUNTIME_FIELDS = ("iterations", "max_seconds", "workers", "backend", "address", "folder")
+RUNTIME_FIELDS = ("iterations", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
 
 
@@ -100,8 +98,6 @@ class BodyEvolutionConfig(TrialConfig):
         bodies: which bodies are searched, and how.
         learning: how much a body may learn.
         iterations: largest number of iterations of the algorithm.
-        max_seconds: simulated time after which no new iteration begins [s]; None: `iterations` decide alone. A resumed
-            run may have another one.
         workers: number of threads, processes or actors.
         backend: "batch" (threads), "processes" or "ray"; the results are equal.
         address: address of an existing Ray cluster; None starts a local one.
@@ -117,7 +113,6 @@ class BodyEvolutionConfig(TrialConfig):
     bodies: BodiesConfig = field(default_factory=BodiesConfig)
     learning: LearningConfig = field(default_factory=LearningConfig)
     iterations: int = 20
-    max_seconds: float | None = None
     workers: int = 1
     backend: str = "batch"
     address: str | None = None
@@ -133,8 +128,6 @@ class BodyEvolutionConfig(TrialConfig):
         self._set("scoring", find_scoring(self.scoring))
         counts = {"seed": (0, MAX_SEED), "iterations": (0, MAX_GENERATIONS), "workers": (1, MAX_WORKERS)}
         coerce_integers(self, counts, RunError)
-        if self.max_seconds is not None:
-            coerce_floats(self, {"max_seconds": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
         check_choice("backend", self.backend, EXACT_BACKENDS, RunError)
         organism = self.make_organism(self.make_shortest())
         tracks = count_tracks(self.track_control, organism.num_modules)

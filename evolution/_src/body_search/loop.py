@@ -27,8 +27,8 @@ from evolution._src.body_search.run import (
     BodyRun,
     begin_folder,
     change_folder,
+    read_confirmation,
     read_folder,
-    read_fresh_trials,
     write_run,
 )
 from evolution._src.errors import RunError
@@ -89,7 +89,7 @@ def resume_bodies(
         on_iteration: called with the run so far after each new iteration.
         progress: called with the progress of the run.
         allow: modules of yours that the folder names and that may be imported; a folder runs no other code.
-        changes: new values of `iterations`, `max_seconds` (None for no limit), `workers`, `backend` or `address`.
+        changes: new values of `iterations`, `workers`, `backend` or `address`.
 
     Raises:
         RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
@@ -105,14 +105,11 @@ def resume_bodies(
         if simulate is None:
             prepare_arena(config.arena, progress)
         if config != stored:
-            change_folder(run_folder.path, config, record)
+            change_folder(run_folder.path, config)
         run = _run(config, record, run_folder.path, simulate, on_iteration, progress)
     if run.record.num_results == known:
-        reached = {"iterations": run.has_all_iterations, "max_seconds": run.is_spent}
-        limits = " and ".join(
-            f"{name}={getattr(config, name):g}" for name, is_met in reached.items() if is_met
-        )
-        logger.warning("%s: nothing more is tried, as the run has reached %s", folder, limits or "its end")
+        limit = f"iterations={config.iterations}" if run.has_all_iterations else "its end"
+        logger.warning("%s: nothing more is tried, as the run has reached %s", folder, limit)
     return run
 
 
@@ -151,14 +148,12 @@ def _iterate(
 ) -> BodyRun:
     """Go through the iterations; those that the record knows cost nothing. Without a backend there are no others."""
     algorithm, learner = make_algorithm(config), Learner(config, record, backend)
-    fresh = None if folder is None else read_fresh_trials(folder, config)
-    run = BodyRun(config, record, (), folder, fresh)
+    run = BodyRun(config, record, (), folder)
     used: dict[tuple[str, int], LevelResult] = {}
     for _ in range(config.iterations):
-        limit, assignments = config.max_seconds, algorithm.ask()
-        is_over = limit is not None and _sum_seconds(used) >= limit
+        assignments = algorithm.ask()
         is_known = learner.knows(assignments)
-        if is_over or not assignments or (backend is None and not is_known):
+        if not assignments or (backend is None and not is_known):
             break
         results = learner.learn(assignments, None if is_known else _follow(config, run, progress))
         algorithm.tell(results)
@@ -172,8 +167,8 @@ def _iterate(
         if on_iteration is not None:
             on_iteration(run)
         done = f"iteration {len(run.history)} of {config.iterations}"
-        progress(done, _find_share(config, run, Tried(0, 0, 0.0)))
-    return run
+        progress(done, len(run.history) / config.iterations)
+    return replace(run, confirmation=read_confirmation(run))
 
 
 def _follow(config: BodyEvolutionConfig, run: BodyRun, progress: Progress) -> OnTried | None:
@@ -184,21 +179,10 @@ def _follow(config: BodyEvolutionConfig, run: BodyRun, progress: Progress) -> On
     def show(tried: Tried) -> None:
         number = f"iteration {len(run.history) + 1} of {config.iterations}"
         text = f"{number}: {tried.trials} of {tried.due} trials" if tried.due else number
-        progress(text, _find_share(config, run, tried))
+        progress(text, (len(run.history) + tried.trials / max(tried.due, 1)) / config.iterations)
 
     show(Tried(0, 0, 0.0))
     return show
-
-
-def _find_share(config: BodyEvolutionConfig, run: BodyRun, tried: Tried) -> float:
-    """Return the share of a run that is done: of its iterations or its simulated time, whichever ends it first."""
-    share, limit = tried.trials / max(tried.due, 1), config.max_seconds
-    of_iterations = (len(run.history) + share) / config.iterations
-    if limit is None:
-        return of_iterations
-    before = run.history[-1][0] if run.history else 0.0
-    whole = before + (tried.seconds / share if share else 0.0)  # this iteration is always finished
-    return max(of_iterations, min((before + tried.seconds) / max(limit, whole), 1.0))
 
 
 def _sum_seconds(results: dict[tuple[str, int], LevelResult]) -> float:

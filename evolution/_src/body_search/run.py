@@ -3,7 +3,7 @@
     config.json     the configuration; versions, commit and machine the run began with
     record.json     what every body has learned: the checkpoint
     bodies.csv      one row per result
-    confirmation.json   fresh trials of the fittest bodies, once the champion has been confirmed
+    confirmation.json   the fresh trials of the champion, once it has been confirmed
     champion.json   the confirmed body and its controller; before, the fittest one
 
 Reading a folder runs no code from it.
@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 
 from evolution._src.backends.settings import EpisodeConfig, take_fields
 from evolution._src.body_search.config import BodyEvolutionConfig
-from evolution._src.body_search.fresh_trials import FreshTrials
 from evolution._src.body_search.learning import LevelResult
 from evolution._src.body_search.record import BodyRecord
 from evolution._src.errors import RunError
@@ -30,7 +29,7 @@ from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
 
 CONFIG, RECORD, TABLE, CHAMPION = "config.json", "record.json", "bodies.csv", "champion.json"
-FRESH = "confirmation.json"
+CONFIRMED = "confirmation.json"
 KIND = BODIES
 """What `config.json` says the folder is a run of."""
 COLUMNS = ("body", "plan", "modules", "level", "fitness", "successes", "trials", "effort", "seconds")
@@ -60,14 +59,15 @@ class BodyRun:
         history: after each iteration, the simulated time of the run so far [s] and the best fitness of a body that
             has learned to the last level; -inf before there is one.
         folder: folder of the run; None if it is in memory only.
-        fresh: fresh trials of bodies that are stored; they may be those of an earlier state of the run.
+        confirmation: the champion by fresh trials; None where the fittest bodies have not been tried again
+            (`ev.confirm`).
     """
 
     config: BodyEvolutionConfig
     record: BodyRecord
     history: tuple[tuple[float, float], ...]
     folder: Path | None = None
-    fresh: FreshTrials | None = None
+    confirmation: Confirmation | None = None
 
     @property
     def best(self) -> LevelResult | None:
@@ -86,22 +86,6 @@ class BodyRun:
             return self.confirmation.champion
         best = self.best
         return None if best is None else self.make_champion(best)
-
-    @property
-    def confirmation(self) -> Confirmation | None:
-        """The champion by fresh trials; None where the fittest bodies have not been tried again (`ev.confirm`)."""
-        results = self.record.results
-        if self.fresh is None or not results or self.fresh.begin(results).tried != self.fresh.tried:
-            return None
-        if not self.fresh.is_complete:
-            return None
-        best = self.fresh.tried[self.fresh.find_best()]
-        result = self.record.find(best.key, best.level)
-        assert result is not None
-        champion = replace(
-            self.make_champion(result), successes=sum(best.successes), trials=self.fresh.count_trials(best)
-        )
-        return Confirmation(champion, result, sum(each.seconds for each in self.fresh.tried))
 
     def make_champion(self, result: LevelResult) -> Champion:
         """Return what a body has learned, as `judge` and `play` take it."""
@@ -131,12 +115,6 @@ class BodyRun:
         """Whether all iterations that the run may take are done: resumed, it tries nothing more."""
         return len(self.history) >= self.config.iterations
 
-    @property
-    def is_spent(self) -> bool:
-        """Whether the simulated time that the run may take is used up: resumed, it tries nothing more."""
-        limit = self.config.max_seconds
-        return limit is not None and bool(self.history) and self.history[-1][0] >= limit
-
 
 def has_bodies(folder: str | Path) -> bool:
     """Return whether a folder contains a search for bodies."""
@@ -150,19 +128,15 @@ def has_bodies(folder: str | Path) -> bool:
 
 def begin_folder(folder: Path, config: BodyEvolutionConfig) -> None:
     """Write the configuration and an empty record into a folder without a run. Call it only with the lock."""
-    taken = [name for name in (CONFIG, RECORD, TABLE, CHAMPION, FRESH) if (folder / name).exists()]
+    taken = [name for name in (CONFIG, RECORD, TABLE, CHAMPION, CONFIRMED) if (folder / name).exists()]
     if taken:
         raise RunError(f"{folder} contains {', '.join(taken)}; resume the run there, or name another folder")
     _replace(folder / RECORD, BodyRecord().to_bytes(config.digest()))
     _write_config(folder, describe_origin(), config)
 
 
-def change_folder(folder: Path, config: BodyEvolutionConfig, record: BodyRecord) -> None:
-    """Write the configuration of a run that is resumed with changes. Call it only with the lock.
-
-    The record comes first: a digest of an earlier version would not fit a changed limit of simulated time.
-    """
-    _replace(folder / RECORD, record.to_bytes(config.digest()))
+def change_folder(folder: Path, config: BodyEvolutionConfig) -> None:
+    """Write the configuration of a run that is resumed with changes. Call it only with the lock."""
     _write_config(folder, read_json(folder / CONFIG), config)
 
 
@@ -190,26 +164,38 @@ def write_run(folder: Path, run: BodyRun) -> None:
 
 def write_champion(run: BodyRun) -> None:
     """Write the champion into the folder of a run, if it has a folder and a champion."""
-    if run.folder is not None and run.champion is not None:
-        _replace(run.folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
+    if run.folder is None or run.champion is None:
+        return
+    if run.confirmation is not None:
+        champion, result, seconds = run.confirmation
+        content = {
+            "digest": run.config.digest(),
+            "num_results": run.record.num_results,
+            "result": run.record.results.index(result),
+            "successes": champion.successes,
+            "trials": champion.trials,
+            "seconds": seconds,
+        }
+        _replace(run.folder / CONFIRMED, (json.dumps(content, indent=2) + "\n").encode())
+    _replace(run.folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
 
 
-def read_fresh_trials(folder: Path, config: BodyEvolutionConfig) -> FreshTrials | None:
-    """Read the fresh trials of bodies; None where there are none."""
-    path = folder / FRESH
-    if not path.exists():
+def read_confirmation(run: BodyRun) -> Confirmation | None:
+    """Return the confirmation in the folder of a run; None where there is none, or the run has gone on since."""
+    if run.folder is None or not (run.folder / CONFIRMED).exists():
         return None
+    path = run.folder / CONFIRMED
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise RunError(f"{path} cannot be read ({error}); remove it, and resume the run") from error
-    return FreshTrials.from_bytes(content, config.digest(), str(path))
-
-
-def write_fresh_trials(folder: Path | None, config: BodyEvolutionConfig, fresh: FreshTrials) -> None:
-    """Write the fresh trials of bodies, if the run has a folder."""
-    if folder is not None:
-        _replace(folder / FRESH, fresh.to_bytes(config.digest()))
+        content = read_json(path)
+        if (content["digest"], content["num_results"]) != (run.config.digest(), run.record.num_results):
+            return None
+        result = run.record.results[int(content["result"])]
+        champion = replace(
+            run.make_champion(result), successes=int(content["successes"]), trials=int(content["trials"])
+        )
+        return Confirmation(champion, result, float(content["seconds"]))
+    except Exception as error:  # a damaged or foreign file can be wrong in any way
+        raise RunError(f"{path} is damaged ({error}); remove it, and resume the run") from error
 
 
 def format_table(record: BodyRecord) -> str:

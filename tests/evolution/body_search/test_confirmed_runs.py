@@ -1,6 +1,4 @@
-"""Confirmation in a run folder: stored, never repeated, the same after any interruption; limits that are raised."""
-
-from dataclasses import replace
+"""Confirmation in a run folder: stored, and the same after any interruption."""
 
 import made_bodies
 import pytest
@@ -9,11 +7,10 @@ import evolution as ev
 from evolution._src.backends.outcome import Outcome
 from evolution._src.bodies.genome import genome_of
 from evolution._src.body_search.confirmation import CONFIRMATION
-from evolution._src.body_search.fresh_trials import FreshTrials, Retrial
-from evolution._src.body_search.run import CHAMPION, FRESH, RECORD, TABLE
+from evolution._src.body_search.run import CHAMPION, CONFIRMED, RECORD, TABLE
 from evolution._src.errors import RunError
 
-FILES = (RECORD, TABLE, CHAMPION, FRESH)
+FILES = (RECORD, TABLE, CHAMPION, CONFIRMED)
 COUNT = 8
 """Candidates."""
 RELIABLE = 2
@@ -72,18 +69,6 @@ def test_the_folder_keeps_the_confirmed_champion(tmp_path):
     assert found.best == run.best
 
 
-def test_what_is_confirmed_is_not_tried_again(tmp_path):
-    search(tmp_path / "run")
-    before, physics = read_files(tmp_path / "run"), Physics(0)
-    run = ev.load_bodies(tmp_path / "run")
-    again = ev.confirm(run, COUNT, simulate=physics)
-    assert (again, physics.fresh) == (run.confirmation, 0)
-    assert read_files(tmp_path / "run") == before
-    more = ev.confirm(run, COUNT + 1, simulate=(counting := Physics()))
-    assert 0 < counting.fresh <= 48
-    assert more.champion == again.champion
-
-
 @pytest.mark.parametrize("workers", [1, 3])
 def test_any_interruption_gives_the_same_files(tmp_path, workers):
     whole = Physics()
@@ -98,49 +83,6 @@ def test_any_interruption_gives_the_same_files(tmp_path, workers):
         assert read_files(folder) == expected
 
 
-def test_a_longer_run_is_confirmed_anew(tmp_path):
-    search(tmp_path / "whole")
-    search(tmp_path / "parts", iterations=1)
-    first = ev.load_bodies(tmp_path / "parts")
-    assert first.confirmation is not None
-    run = ev.resume_bodies(tmp_path / "parts", iterations=4, simulate=Physics())
-    assert (run.confirmation is None) == (
-        FreshTrials(COUNT).begin(run.record.results).tried
-        != FreshTrials(COUNT).begin(first.record.results).tried
-    )
-    ev.confirm(run, COUNT, simulate=Physics())
-    assert read_files(tmp_path / "parts") == read_files(tmp_path / "whole")
-
-
-def test_an_unfinished_confirmation_counts_for_nothing(tmp_path):
-    run = search(tmp_path / "run")
-    stored = ev.load_bodies(tmp_path / "run").fresh
-    cut = replace(stored, tried=(*stored.tried[:-1], stored.tried[-1]._replace(successes=())))
-    assert replace(run, fresh=cut).confirmation is None
-    assert replace(run, fresh=replace(stored, tried=())).confirmation is None
-    assert replace(run, fresh=stored).confirmation is not None
-
-
-def test_other_rules_begin_anew(tmp_path):
-    search(tmp_path / "run")
-    run, physics = ev.load_bodies(tmp_path / "run"), Physics()
-    rules = ev.Validation(rounds=(4, 4))
-    assert ev.confirm(run, COUNT, rules, physics).champion.trials == 8
-    assert physics.fresh > 0
-    assert ev.load_bodies(tmp_path / "run").champion.trials == 8
-
-
-def test_fresh_trials_survive_a_file():
-    fresh = FreshTrials(3, tried=(Retrial("b(.)", 0, (8, 7), 1.5), Retrial("b(b(.))", 1)))
-    content = fresh.to_bytes("d")
-    assert FreshTrials.from_bytes(content, "d", "f") == fresh
-    with pytest.raises(RunError, match="another configuration"):
-        FreshTrials.from_bytes(content, "e", "f")
-    for damaged in (b"", b"[]", content.replace(b'"key"', b'"lock"')):
-        with pytest.raises(RunError, match=r"f is damaged.*remove it"):
-            FreshTrials.from_bytes(damaged, "d", "f")
-
-
 def test_a_folder_that_has_gone_on_is_refused(tmp_path):
     run = search(tmp_path / "run", iterations=1)
     ev.resume_bodies(tmp_path / "run", iterations=3, simulate=Physics())
@@ -148,16 +90,26 @@ def test_a_folder_that_has_gone_on_is_refused(tmp_path):
         ev.confirm(run, simulate=Physics())
 
 
-def test_a_raised_limit_equals_one_from_the_start(tmp_path):
-    config = {"bodies": LARGE, "iterations": 50}
-    whole = search(tmp_path / "whole", max_seconds=9.0, **config)
-    search(tmp_path / "parts", max_seconds=3.0, **config)
-    short = ev.load_bodies(tmp_path / "parts")
-    assert len(short.history) < len(whole.history) < 50
-    run = ev.resume_bodies(tmp_path / "parts", simulate=Physics(), max_seconds=9.0)
+def test_a_longer_run_is_confirmed_again(tmp_path):
+    search(tmp_path / "whole")
+    search(tmp_path / "parts", iterations=1)
+    assert ev.load_bodies(tmp_path / "parts").confirmation is not None
+    run = ev.resume_bodies(tmp_path / "parts", iterations=4, simulate=Physics())
+    assert run.confirmation is None
     ev.confirm(run, COUNT, simulate=Physics())
-    assert run.history == whole.history
     assert read_files(tmp_path / "parts") == read_files(tmp_path / "whole")
-    assert run.config.digest() == short.config.digest()
-    free = ev.resume_bodies(tmp_path / "parts", simulate=Physics(), max_seconds=None, iterations=30)
-    assert len(free.history) == 30
+
+
+def test_other_rules_give_another_confirmation(tmp_path):
+    search(tmp_path / "run")
+    run = ev.load_bodies(tmp_path / "run")
+    assert ev.confirm(run, COUNT, ev.Validation(rounds=(4, 4)), Physics()).champion.trials == 8
+    assert ev.load_bodies(tmp_path / "run").champion.trials == 8
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}"])
+def test_a_damaged_confirmation_is_named(tmp_path, content):
+    search(tmp_path / "run")
+    (tmp_path / "run" / CONFIRMED).write_text(content)
+    with pytest.raises(RunError, match=r"confirmation.json is damaged.*remove it"):
+        ev.load_bodies(tmp_path / "run")

@@ -1,7 +1,5 @@
 """`symbrion evolve --bodies` and `resume` of such a run: confirmation, limits, what is printed."""
 
-import json
-
 import made_bodies
 import pytest
 
@@ -12,7 +10,7 @@ from evolution._src.body_search.confirmation import CONFIRMATION
 from evolution._src.cli.main import run
 
 SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--generations", "1"]
-SEARCH += ["--max-seconds", "1", "--quiet"]
+SEARCH += ["--quiet"]
 
 
 @pytest.fixture
@@ -36,35 +34,9 @@ def test_the_champion_is_confirmed_and_said_to_be(tmp_path, capsys, made):
     assert ev.load_bodies(tmp_path / "run").champion == champion
 
 
-def test_the_limit_of_time_can_be_raised_and_lifted(tmp_path, capsys, made):
-    assert search(tmp_path / "run", "--generations", "3", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["iterations"] == 1
-    folder = str(tmp_path / "run")
-    assert run(["resume", folder, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["iterations"] == 1
-    seconds = ev.load_bodies(folder).history[0][0]
-    assert run(["resume", folder, "--max-seconds", str(seconds + 1), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["iterations"] == 2
-    assert run(["resume", folder, "--max-seconds", "unlimited", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["iterations"] == 3
-    assert ev.load_bodies(folder).config.max_seconds is None
-
-
-@pytest.mark.parametrize("limit", ["0", "-3", "nan"])
-def test_what_is_no_time_is_refused(tmp_path, capsys, made, limit):
-    assert search(tmp_path / "run") == 0
-    capsys.readouterr()
-    assert run(["resume", str(tmp_path / "run"), "--max-seconds", limit]) == 2
-    assert "give more than 0, or unlimited" in capsys.readouterr().err
-
-
 def test_options_of_bodies_are_refused_elsewhere(tmp_path, capsys):
-    assert run(["evolve", "--max-seconds", "5", "--folder", str(tmp_path / "run")]) == 2
-    assert "--max-seconds are of a search for bodies" in capsys.readouterr().err
-    (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "config.json").write_text("{}")
-    assert run(["resume", str(tmp_path / "run"), "--max-seconds", "5"]) == 2
-    assert "is none; leave it out" in capsys.readouterr().err
+    assert run(["evolve", "--algorithm", "random", "--folder", str(tmp_path / "run")]) == 2
+    assert "--algorithm is of a search for bodies" in capsys.readouterr().err
 
 
 def test_successes_are_said_in_plain_words(tmp_path):

@@ -20,15 +20,7 @@ from evolution._src.cli.main import run
             "for example --bodies 1 8; or one number for both; see symbrion evolve --help",
         ),
         ("evolve --start 1", "--start: '1' is not floor, pit or 2 numbers; see symbrion evolve --help"),
-        (
-            "evolve --bodies 3 --max-seconds abc",
-            "--max-seconds: 'abc' is not a number or unlimited; see symbrion evolve --help",
-        ),
         ("evolve --arena nowhere", "an arena folder or a mesh file; see symbrion evolve --help"),
-        (
-            "resume a --max-seconds x",
-            "--max-seconds: 'x' is not a number or unlimited; see symbrion resume --help",
-        ),
         ("bench-suite run --methods x", "perhaps you meant --method; see symbrion bench-suite --help"),
         ("replay", "see symbrion replay --help"),
         ("evolve --task", "see symbrion evolve --help"),

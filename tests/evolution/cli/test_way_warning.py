@@ -4,7 +4,7 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution._src.cli.search_limits import warn_of_way
+from evolution._src.cli.way_warning import warn_of_way
 
 
 def warn(arena, task, **options):

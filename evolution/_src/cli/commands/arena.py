@@ -19,8 +19,8 @@ from evolution._src.cli.command import (
     require_writable_folder,
 )
 from evolution._src.cli.console import Console
+from evolution._src.cli.quality_rows import make_quality_rows
 from evolution._src.cli.scan_source import is_scan_log
-from evolution._src.cli.search_limits import make_quality_rows
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count, format_extents

@@ -30,7 +30,7 @@ from evolution._src.cli.commands.evolve_bodies import (
     run_bodies,
 )
 from evolution._src.cli.console import Console
-from evolution._src.cli.search_limits import describe_interruption, warn_of_limit, warn_of_way
+from evolution._src.cli.way_warning import describe_interruption, warn_of_way
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.assets import SCANNED
 from symbrion_gym._src.environment.config import STARTS
@@ -79,9 +79,6 @@ class Evolve(SeededCommand):
     """Search for bodies of this many modules at least and at most (one number: both); each learns its controller."""
     algorithm: Literal[ALGORITHMS] = BodiesConfig.algorithm  # pyright: ignore[reportInvalidTypeForm]
     """How --bodies are searched."""
-    max_seconds: float | Literal["unlimited"] | None = None
-    """Simulated time after which no new iteration of --bodies begins [s]. The iteration that is running then is always
-    finished. `symbrion resume` can raise it."""
     population: int | None = None
     """Genotypes of a generation, or new bodies of an iteration of --bodies. Default: 12, or 9 bodies."""
     trials: int = ev.EvolutionConfig.trials
@@ -106,10 +103,8 @@ class Evolve(SeededCommand):
         require_writable_folder(self.folder, "--folder")
         _check_goal(self.goal)
         if self.bodies is None:
-            if (self.algorithm, self.max_seconds) != (BodiesConfig.algorithm, None):
-                raise UsageError(
-                    "--algorithm and --max-seconds are of a search for bodies; give --bodies MIN MAX"
-                )
+            if self.algorithm != BodiesConfig.algorithm:
+                raise UsageError("--algorithm is of a search for bodies; give --bodies MIN MAX")
             self.make_config()
         else:
             self.make_bodies_config()
@@ -147,7 +142,6 @@ class Evolve(SeededCommand):
             self._list_common(),
             bodies=self.bodies,
             algorithm=self.algorithm,
-            max_seconds=None if self.max_seconds == "unlimited" else self.max_seconds,
             iterations=self.generations,
             children=self.population,
         )
@@ -173,7 +167,6 @@ class Evolve(SeededCommand):
         check_arena_folder(self.arena)
         if self.bodies is not None:
             found = self.make_bodies_config()
-            warn_of_limit(found)
             warn_of_way(found, snake(found.bodies.smallest), snake(found.bodies.largest))
             return run_bodies(found, console)
         config = self.make_config()
@@ -221,9 +214,6 @@ class Resume(TrustingCommand):
     """The run folder."""
     generations: int | None = None
     """New limit on the generations, or on the iterations of a search for bodies. Default: as recorded."""
-    max_seconds: float | Literal["unlimited"] | None = None
-    """New limit on the simulated time of a search for bodies [s], or unlimited; an iteration is always finished.
-    Default: as recorded."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
     backend: Literal["batch", "processes", "ray", "warp"] | None = None
@@ -234,12 +224,6 @@ class Resume(TrustingCommand):
         require_run(self.folder)
         if self.workers < 1:
             raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
-        if self.max_seconds is not None and not has_bodies(self.folder):
-            raise UsageError(
-                f"--max-seconds is of a search for bodies, and {self.folder} is none; leave it out"
-            )
-        if isinstance(self.max_seconds, float) and not self.max_seconds > 0:
-            raise UsageError(f"--max-seconds {self.max_seconds:g} is no time; give more than 0, or unlimited")
 
     def explain_interruption(self) -> str:
         return describe_interruption(self.folder)
@@ -249,8 +233,6 @@ class Resume(TrustingCommand):
         changes: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
         changes["allow"] = self.allow_code
         if has_bodies(self.folder):
-            if self.max_seconds is not None:
-                changes["max_seconds"] = None if self.max_seconds == "unlimited" else self.max_seconds
             return resume_run_of_bodies(self.folder, changes, console)
         with console.track(f"Evolution in {self.folder}") as step:
             run = ev.resume(self.folder, progress=step.progress, **changes)

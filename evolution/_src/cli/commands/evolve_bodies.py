@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,6 @@ from evolution._src.backends.cluster import EXACT_BACKENDS
 from evolution._src.body_search.algorithms import describe_success, format_fitness
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.console import Console
-from evolution._src.cli.search_limits import describe_stop, find_stops
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_MODULES
 from reconstruction._src.base.atomic_write import write_atomically
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 PICTURE = "bodies.png"
 """Of the fittest bodies, in the run folder."""
 MAX_DRAWN = 24
+_MORE = 2
+"""A search is proposed to go on to this many times what it has done."""
 
 
 def make_bodies_config(
@@ -34,7 +36,6 @@ def make_bodies_config(
     *,
     bodies: tuple[int, ...],
     algorithm: str,
-    max_seconds: float | None,
     iterations: int | None,
     children: int | None,
 ) -> ev.BodyEvolutionConfig:
@@ -47,7 +48,6 @@ def make_bodies_config(
         environment = {"track_control": "skid"} | environment
     values = dict(fields) | {
         "environment": environment,
-        "max_seconds": max_seconds,
     }
     if iterations is not None:
         values["iterations"] = iterations
@@ -101,13 +101,23 @@ def resume_run_of_bodies(folder: Path, changes: Mapping[str, Any], console: Cons
 def _confirm(run: BodyRun, console: Console) -> BodyRun:
     """Try the fittest bodies again, and return the run with what is known of them then."""
     from evolution._src.body_search.confirmation import CANDIDATES
-    from evolution._src.body_search.run import read_fresh_trials
 
-    if run.folder is None or run.best is None:
+    if run.folder is None or run.best is None or run.confirmation is not None:
         return run
     with console.track(f"Fresh trials of the fittest bodies, {CANDIDATES} at most") as step:
-        ev.confirm(run, CANDIDATES, progress=step.progress)
-    return dataclasses.replace(run, fresh=read_fresh_trials(run.folder, run.config))
+        confirmation = ev.confirm(run, CANDIDATES, progress=step.progress)
+    return dataclasses.replace(run, confirmation=confirmation)
+
+
+def describe_stop(run: BodyRun) -> str:
+    """Return in one line what has stopped a search, and the command that goes on."""
+    if not run.has_all_iterations:
+        return "every body has learned to the end: nothing is left to be tried"
+    more = max(_MORE * len(run.history), 1)
+    return (
+        f"stopped by --generations {run.config.iterations}; to go on: symbrion resume {shlex.quote(str(run.folder))} "
+        f"--generations {more}"
+    )
 
 
 def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
@@ -120,7 +130,6 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
         "bodies": len({result.body.canonical_text for result in results}),
         "simulated_seconds": run.record.seconds,
         "fresh_seconds": 0.0 if confirmation is None else confirmation.seconds,
-        "stopped_by": find_stops(run),
         "champion": run.champion.as_dict() if run.champion else None,
     }
     console.print_line(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import reconstruction as rc
 from evolution._src.cli.command import UsageError, require_own_archive, require_writable_file
 from evolution._src.cli.console import Console
+from evolution._src.cli.quality_rows import make_surface_rows
 from evolution._src.cli.scan_source import ScanCommand
-from evolution._src.cli.search_limits import make_surface_rows
 from evolution._src.cli.tile_options import TileOptions
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.range_checks import format_extents

@@ -1,6 +1,5 @@
-"""What stops a search for bodies, the command that goes on, interruptions, progress, and limits below an iteration."""
+"""What stops a search for bodies, the command that goes on, interruptions and progress."""
 
-import logging
 import re
 import shlex
 
@@ -8,8 +7,8 @@ import made_bodies
 import pytest
 
 import evolution as ev
+from evolution._src.cli.commands.evolve_bodies import describe_stop
 from evolution._src.cli.main import run
-from evolution._src.cli.search_limits import describe_stop, find_longest_iteration, warn_of_limit
 
 SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2"]
 
@@ -21,22 +20,11 @@ def made(monkeypatch):
     monkeypatch.setattr("evolution._src.body_search.loop.warm_up", lambda *_: None)
 
 
-@pytest.mark.parametrize(
-    ("limits", "stops"),
-    [
-        (["--generations", "1"], "stopped by --generations 1; to go on: "),
-        (["--generations", "3", "--max-seconds", "1"], "stopped by --max-seconds 1; to go on: "),
-        (
-            ["--generations", "1", "--max-seconds", "1"],
-            "stopped by --generations 1 and --max-seconds 1; to go on: ",
-        ),
-    ],
-)
-def test_the_command_that_is_proposed_goes_on(tmp_path, capsys, limits, stops):
+def test_the_command_that_is_proposed_goes_on(tmp_path, capsys):
     folder = tmp_path / "a run"
-    assert run([*SEARCH, *limits, "--folder", str(folder)]) == 0
+    assert run([*SEARCH, "--generations", "1", "--folder", str(folder)]) == 0
     printed = capsys.readouterr().out
-    assert stops in printed
+    assert "stopped by --generations 1; to go on: " in printed
     command = re.search("to go on: symbrion (.*)", printed)
     assert command is not None
     before = len(ev.load_bodies(folder).history)
@@ -90,29 +78,10 @@ def test_progress_within_an_iteration_changes_nothing(tmp_path):
     assert shares[-1] == 1.0
 
 
-def test_a_limit_below_an_iteration_is_warned_of(caplog):
-    config = made_bodies.make_config(arena="truth", duration=5.0)
-    bodies, trials, longest = find_longest_iteration(config)
-    assert (bodies, longest) == (10, 5.0)  # 1, 2 and 7 bodies of 1, 2 and 3 modules
-    assert trials == 10 * (1 + 1)  # the genotype at which learning begins, and an exam of one trial
-    for limit, lines in ((None, 0), (100.0, 0), (99.0, 1)):
-        caplog.clear()
-        with caplog.at_level(logging.WARNING):
-            warn_of_limit(made_bodies.make_config(arena="truth", duration=5.0, max_seconds=limit))
-        assert len(caplog.records) == lines
-    assert (
-        "20 trials of 10 bodies, up to 5 s each, 100 s in all; for shorter ones give --population 6"
-        in caplog.text
-    )
-
-
 def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
-    words = ["--bodies", "3", "--environment", "track_control", "skid", "--generations", "1", "--max-seconds"]
-    assert (
-        run([*SEARCH[:5], *words, "unlimited", "--population", "2", "--folder", str(tmp_path / "run")]) == 0
-    )
+    words = ["--bodies", "3", "--environment", "track_control", "skid", "--generations", "1"]
+    assert run([*SEARCH[:5], *words, "--population", "2", "--folder", str(tmp_path / "run")]) == 0
     found = ev.load_bodies(tmp_path / "run")
-    assert found.config.max_seconds is None
     assert {result.body.num_modules for result in found.record.results} == {3}
     assert len(found.record.results) <= 2
 

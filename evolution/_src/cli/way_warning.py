@@ -1,0 +1,95 @@
+"""What a search over a scan warns of, and how an interrupted one goes on."""
+
+from __future__ import annotations
+
+import logging
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import evolution as ev
+import symbrion_gym as sg
+from evolution._src.bodies.genome import BodyGenome, make_row
+from reconstruction._src.base.range_checks import format_count
+from symbrion_gym._src.assets import NAMED_ARENAS
+from symbrion_gym._src.errors import ArenaError
+
+if TYPE_CHECKING:
+    import evolution as ev
+    import symbrion_gym as sg
+    from symbrion_gym._src.robot.organism import Organism
+    from symbrion_gym._src.tasks.drivable_way import Pair
+    from symbrion_gym._src.tasks.route import StartName
+
+logger = logging.getLogger(__name__)
+
+
+def describe_interruption(folder: Path) -> str:
+    """Return how an interrupted run goes on; empty where it has not begun."""
+    if not (folder / "config.json").is_file():
+        return ""
+    return f"all but what was unfinished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
+
+
+TASK = "traverse"
+"""The task whose way is to be drivable: of others, such as climb and cross_gap, crossing is the point."""
+
+
+def warn_of_way(
+    config: ev.EvolutionConfig | ev.BodyEvolutionConfig, smallest: Organism, largest: Organism
+) -> None:
+    """Log one line if the way of a search over a scan leaves drivable ground; a task that fails says so itself."""
+    if config.task != TASK or not isinstance(config.arena, str) or config.arena in NAMED_ARENAS:
+        return
+    import symbrion_gym as sg
+    from evolution._src.backends.trials import prepare_arena
+    from symbrion_gym._src.tasks.drivable_way import find_broken_traverse, propose_way
+
+    arena, goal = prepare_arena(config.arena), config.goal
+    assert isinstance(arena, sg.Arena)
+    if isinstance(goal, str):  # a known object
+        return
+    start = cast("StartName", config.start or "floor")
+    bodies = format_count(largest.num_modules, "module")
+    try:
+        way = find_broken_traverse(arena, smallest, largest, start, goal)
+    except ArenaError:
+        return
+    if way is None and isinstance(config, ev.BodyEvolutionConfig) and goal is None and isinstance(start, str):
+        refused, other = _find_refused(arena, largest.num_modules), propose_way(arena, largest)
+        if refused is not None and other is not None:
+            logger.warning("bodies that are too wide count as failed: %s; %s", refused, _name_way(other))
+    if way is None:
+        return
+    if smallest.num_modules < largest.num_modules:
+        bodies = f"bodies of {smallest.num_modules} to {bodies}"
+    remedy = (
+        f"`symbrion view {config.arena}` shows where to drive" if way.other is None else _name_way(way.other)
+    )
+    logger.warning(
+        "the way of --task %s, from %s to %s, leaves the ground on which %s are known to drive (steps, slopes, gaps): "
+        "many fail there, perhaps all; %s",
+        *(TASK, way.start, way.finish, bodies, remedy),
+    )
+
+
+def _find_refused(arena: sg.Arena, modules: int) -> str | None:
+    """Return why the task cannot be made for the widest body, modules side by side; None where it can.
+
+    Where no way is open each body takes one on the ground that it can drive on, which is the less the wider it is.
+    """
+    from symbrion_gym._src.tasks.starts import Start
+    from symbrion_gym._src.tasks.traverse import FarEnd
+
+    widest = make_row(1) if modules == 1 else BodyGenome(left=make_row(modules - 1))
+    try:
+        FarEnd().find(arena, widest.to_organism(), Start())
+    except ArenaError as error:
+        return str(error)
+    return None
+
+
+def _name_way(way: Pair) -> str:
+    """Return the options of a way."""
+    start, goal = (" ".join(f"{value:g}" for value in place) for place in way)
+    return f"a straight way that can be driven, in place of --task {TASK}: --start {start} --goal {goal}"
