@@ -105,7 +105,6 @@ def find_matches(
     latch: Bool[np.ndarray, "N 4"],
     config: DockConfig | None = None,
     scout: ScoutConfig | None = None,
-    num_swarms: int = 1,
 ) -> tuple[Docking, ...]:
     """Return the dockings that form now: pairs of free docks within tolerance that are both told to latch.
 
@@ -121,8 +120,7 @@ def find_matches(
         return ()
     robots, sides = np.nonzero(wanted)
     frames = DockFrames(*(field[robots, sides] for field in find_dock_frames(state, scout)))
-    swarm = robots // (len(state.position) // num_swarms)
-    first, second, distance = _find_close_pairs(frames, config, scout, swarm)
+    first, second, distance = _find_close_pairs(frames, config, scout)
     is_other = robots[first] != robots[second]
     order = np.argsort(distance[is_other], kind="stable")
     links, found = list(state.links), []
@@ -135,14 +133,13 @@ def find_matches(
 
 
 def _find_close_pairs(
-    frames: DockFrames, config: DockConfig, scout: ScoutConfig, swarm: Int[np.ndarray, " D"]
+    frames: DockFrames, config: DockConfig, scout: ScoutConfig
 ) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"], Float[np.ndarray, " P"]]:
-    """Return indices and distances of the pairs of docks of a swarm within tolerance; first < second."""
+    """Return indices and distances of the pairs of docks within tolerance; first < second."""
     from scipy.spatial import cKDTree
 
     reach = float(np.linalg.norm([config.distance + scout.dock_gap, config.offset, config.height]))
-    places = np.column_stack([frames.position, swarm * 2.0 * reach])
-    pairs = cKDTree(places).query_pairs(reach, output_type="ndarray")
+    pairs = cKDTree(frames.position).query_pairs(reach, output_type="ndarray")
     first, second = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].T
     between = frames.position[second] - frames.position[first]
     facing = -np.einsum("pi,pi->p", frames.axis[first], frames.axis[second])

@@ -87,10 +87,9 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     | `duration` | 900.0 | of an episode [s] |
     | `success_bonus` | 1.0 | reward of each robot at a success |
     | `noise` | 1.0 | factor on the noise of sensors and signals |
-    | `fidelity` | "kinematic" | level of physics, "kinematic", "dynamic" or "mixed" |
+    | `fidelity` | "kinematic" | level of physics, "kinematic" or "dynamic" |
 
-    "kinematic" moves all robots simply and fast, "dynamic" all in full contact; at "mixed", docked robots and those
-    near them are dynamic, the others kinematic.
+    "kinematic" moves all robots simply and fast, "dynamic" all in full contact.
 
     With `render_mode="rgb_array"`, `render()` returns an image [400, 640, 3] from the right of the way across.
     Kinematic robots stop where they would fall; dynamic ones fall.

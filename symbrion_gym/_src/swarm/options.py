@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from symbrion_gym._src.swarm.docks import DockConfig
     from symbrion_gym._src.swarm.world import SwarmWorld
 
-FIDELITIES = ("kinematic", "dynamic", "mixed")
-"""All robots simply and fast; all in full contact; docked ones and those near them in full contact, the others not."""
+FIDELITIES = ("kinematic", "dynamic")
+"""All robots simply and fast; all in full contact."""
 
 
 def check_fidelity(fidelity: str) -> None:
@@ -39,13 +39,9 @@ def make_world(
     check_fidelity(fidelity)
     if fidelity == "kinematic":
         return KinematicWorld(arena, num_robots, scout, docks)
-    if fidelity == "dynamic":
-        from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+    from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
 
-        return DynamicWorld(arena, num_robots, scout, docks)
-    from symbrion_gym._src.swarm.mixed import MixedWorld
-
-    return MixedWorld(arena, num_robots, scout, docks)
+    return DynamicWorld(arena, num_robots, scout, docks)
 
 
 MOST_ROBOTS = 1000

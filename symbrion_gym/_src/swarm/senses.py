@@ -19,7 +19,6 @@ from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
 
-    from symbrion_gym._src.swarm.mixed import MixedWorld
     from symbrion_gym._src.swarm.world import SwarmState, SwarmWorld
 
 
@@ -133,18 +132,16 @@ def find_modules(world: SwarmWorld, robots: Sequence[int], root: int | None = No
     return make_organism(links, robots, world.scout, root)[1]
 
 
-def is_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> bool:
+def is_organism(world: DynamicWorld, modules: Sequence[int]) -> bool:
     """Return whether robots are the very tree of an `Organism`: all docks have mated and free arms are folded."""
-    world, modules = world.find_dynamic(modules)
     trees = world.assembly.layout.trees
     return any(tree.is_organism and set(tree.robots) == set(modules) for tree in trees)
 
 
-def read_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
+def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
     """Return parts of the observation of an organism, without noise, as its environment has them."""
-    is_whole = is_organism(world, modules)
-    world, modules = world.find_dynamic(modules)
-    if not is_whole:
+    modules = list(modules)
+    if not is_organism(world, modules):
         trees = [each.robots for each in world.assembly.layout.trees if each.is_organism]
         raise OptionError(
             f"robots {modules} are not one organism yet; there are {trees}: step until they have mated and folded arms"

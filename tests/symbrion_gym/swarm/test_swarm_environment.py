@@ -58,7 +58,7 @@ def test_levels_of_physics_are_those_of_the_option() -> None:
         fidelity: type(swarm_v0.parallel_env(arena="truth", num_robots=1, fidelity=fidelity).world).__name__
         for fidelity in FIDELITIES
     }
-    assert names == {"kinematic": "KinematicWorld", "dynamic": "DynamicWorld", "mixed": "MixedWorld"}
+    assert names == {"kinematic": "KinematicWorld", "dynamic": "DynamicWorld"}
     assert type(swarm_v0.parallel_env(arena="truth", num_robots=1).world).__name__ == "KinematicWorld"
 
 
@@ -87,7 +87,7 @@ def test_images_show_the_robots_where_they_are() -> None:
         ({"noise": "much"}, "noise must be a number"),
         ({"robots": 3}, "no option 'robots'; there are: arena, num_robots"),
         ({"render_mode": "human"}, "no render mode 'human'; there is 'rgb_array'"),
-        ({"fidelity": "exact"}, "no fidelity 'exact'; there are: kinematic, dynamic, mixed"),
+        ({"fidelity": "exact"}, "no fidelity 'exact'; there are: kinematic, dynamic"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(options: dict, message: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -15,7 +15,7 @@ from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.robot.tracks import find_wheel_radius
-from symbrion_gym._src.swarm.docks import DockConfig, find_groups, find_matches, find_released, sort_links
+from symbrion_gym._src.swarm.docks import DockConfig, find_matches, find_released, sort_links
 from symbrion_gym._src.swarm.dynamic.assembly import (
     Assembler,
     Assembly,
@@ -85,7 +85,6 @@ class DynamicWorld:
         scout: constants of the robots; None for the defaults.
         docks: when docks latch; None for the defaults.
         config: how the physics is stepped; None for the defaults.
-        assembler: that of another world with equal arena, robots and physics step, which saves its preparation.
 
     Attributes:
         arena: where the robots are.
@@ -112,7 +111,6 @@ class DynamicWorld:
         scout: ScoutConfig | None = None,
         docks: DockConfig | None = None,
         config: DynamicConfig | None = None,
-        assembler: Assembler | None = None,
     ) -> None:
         self.arena, self.num_robots = arena, num_robots
         self.scout, self.docks = scout or ScoutConfig(friction=arena.friction), docks or DockConfig()
@@ -124,7 +122,7 @@ class DynamicWorld:
                 f"dofs is {self.scout.dofs} and tracks {self.scout.tracks!r}; a swarm has Scouts with one hinge and "
                 "sphere tracks"
             )
-        self.assembler = assembler or Assembler(arena, self.scout, self.config.timestep)
+        self.assembler = Assembler(arena, self.scout, self.config.timestep)
         self.assembly: Assembly
         self.data: mujoco.MjData
         zero = np.zeros((num_robots, 3))
@@ -164,30 +162,17 @@ class DynamicWorld:
         self,
         motion: Motion,
         links: tuple[Docking, ...] = (),
-        target: Float[np.ndarray, " N"] | None = None,
-        matings: Mapping[Docking, Mating] | None = None,
-        lifted: Bool[np.ndarray, " N"] | None = None,
     ) -> None:
         """Begin with robots in any motion, docked or not.
 
         Args:
             motion: of all robots.
-            links: latched docks, in their exact poses but for those of `matings`.
-            target: of the hinges' servos [rad]; None for their present angles.
-            matings: links that are on their way to the exact pose; they began at times before 0.
-            lifted: robots whose groups are first lifted out of the contact geometry, as those that stood on the exact
-                surface; None for none.
+            links: latched docks, in their exact poses.
         """
         self._clear()
         self._links = sort_links(links)
-        self.target = np.array(motion.hinge if target is None else target, dtype=np.float64)
-        self.matings = dict(matings or {})
-        layout = self._find_layout(_find_arms(motion, self._links))
-        self._enter(layout, motion)
-        if lifted is not None and (depth := np.where(lifted, self._find_depths(), 0.0)).any():
-            up = np.zeros((self.num_robots, 3))
-            up[:, 2] = depth
-            self._enter(layout, motion._replace(position=motion.position + up))
+        self.target = np.array(motion.hinge, dtype=np.float64)
+        self._enter(self._find_layout(_find_arms(motion, self._links)), motion)
         self.state = self._read_state()
 
     def step(self, commands: SwarmCommands, duration: float = DECISION) -> None:
@@ -256,21 +241,6 @@ class DynamicWorld:
 
     def _read_now(self) -> Motion:
         return read_motion(self.assembly, self.data)
-
-    def find_dynamic(self, robots: Sequence[int]) -> tuple[DynamicWorld, list[int]]:
-        """Return the dynamic world that robots are in, and their numbers there; as `MixedWorld.find_dynamic`."""
-        return self, list(robots)
-
-    def _find_depths(self) -> Float[np.ndarray, " N"]:
-        """Return how deep the deepest robot of each group reaches into the arena now [m]."""
-        depths = np.zeros(self.num_robots)
-        mujoco.mj_collision(self.assembly.model, self.data)
-        owners = self.assembly.owners[self.data.contact.geom]
-        for pair, distance in zip(owners, self.data.contact.dist, strict=True):
-            if pair.min() < 0:
-                depths[pair.max()] = max(depths[pair.max()], -distance)
-        groups = find_groups(self._links, self.num_robots)
-        return np.array([depths[groups == group].max() for group in groups])
 
     def _find_layout(self, open_arms: Iterable[int] = ()) -> Layout:
         return find_layout(

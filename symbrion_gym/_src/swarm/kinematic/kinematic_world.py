@@ -160,7 +160,6 @@ class KinematicWorld:
         self.sight = Sight(arena, self.scout)
         self._ground = Ground(arena, self.scout, self.config, self.sight)
         self._rng = np.random.default_rng(0)
-        self._num_swarms = 1
         self._roots = np.arange(self.num_robots)
         self._mated_at = np.zeros(self.num_robots)
 
@@ -232,9 +231,7 @@ class KinematicWorld:
         slip = 1.0 + self.config.slip * self._draw_slip()
         full, turned, fit = self._propose(old, tracks * slip, hinge)
         level = self._ask_ground(fit)
-        level = avoid_overlaps(
-            level, full, turned, old, self.groups, self.scout, self.config.grip, self._num_swarms
-        )
+        level = avoid_overlaps(level, full, turned, old, self.groups, self.scout, self.config.grip)
         self.blocked = (level != FULL) & is_wanted
         self._fit = GroundFit(
             *(
@@ -244,7 +241,7 @@ class KinematicWorld:
         )
         self.time += DECISION
         new = select(level, full, turned, old)
-        new = hold_arms(new, old.hinge, self.groups, self.scout, self.config.grip, self._num_swarms)
+        new = hold_arms(new, old.hinge, self.groups, self.scout, self.config.grip)
         self._finish(new, old, tracks)
 
     def _draw_slip(self) -> Float[np.ndarray, "N 2"]:
@@ -272,17 +269,21 @@ class KinematicWorld:
         released = find_released(self.state.links, latch)
         kept = tuple(link for link in self.state.links if link not in released)
         state = self.state._replace(links=kept)
-        formed = find_matches(state, latch, self.docks, self.scout, self._num_swarms)
+        formed = find_matches(state, latch, self.docks, self.scout)
         if released or formed:
             self.state = state._replace(links=sort_links([*kept, *formed]))
-            self._follow_links([link.first for link in (*released, *formed)])
+            self._follow_links(is_known=True)
 
-    def _follow_links(self, changed: list[int] | None = None) -> None:
-        """Find groups, where their members belong, and when they will be there."""
+    def _follow_links(self, is_known: bool = False) -> None:
+        """Find groups, where their members belong, and when they will be there.
+
+        Args:
+            is_known: whether it is known who stood when its docks latched, which a state of another world does not
+                tell; there the smaller number leads.
+        """
         links = self.state.links
         self.groups = find_groups(links, self.num_robots)
-        # A state does not tell who stood when its docks latched: the smaller number leads.
-        speed = np.linalg.norm(self.state.velocity, axis=1) * (changed is not None)
+        speed = np.linalg.norm(self.state.velocity, axis=1) * is_known
         self._roots = choose_roots(self.groups, self._roots, speed)
         self._is_straight = np.zeros(self.num_robots, bool)
         self._nominal = np.zeros((self.num_robots, 3))
@@ -294,9 +295,7 @@ class KinematicWorld:
                 links, np.flatnonzero(self._roots == root).tolist(), self.scout, int(root)
             )
             self._nominal[list(order)] = [(pose.x, pose.y, pose.heading) for pose in organism.find_poses()]
-        swarm = np.arange(self.num_robots) // (self.num_robots // self._num_swarms)
-        is_changed = True if changed is None else np.isin(swarm, swarm[changed])
-        self._mated_at = np.where(is_changed, self.time + self.docks.mating_time, self._mated_at)
+        self._mated_at = np.full(self.num_robots, self.time + self.docks.mating_time)
 
     def _propose(
         self, old: Poses, tracks: Float[np.ndarray, "N 2"], hinge: Float[np.ndarray, " N"]
@@ -387,7 +386,7 @@ class KinematicWorld:
 
     def _check_overlaps(self, poses: Poses) -> None:
         """Refuse robots that are within each other."""
-        first, second = find_pairs(poses.position, 2 * self.scout.arm_reach, self._num_swarms)
+        first, second = find_pairs(poses.position, 2 * self.scout.arm_reach)
         outlines = outline(poses, self.scout)
         depth = find_overlaps(take(outlines, first), take(outlines, second), self.scout)
         if depth.max(initial=0.0) > self.config.grip:

@@ -87,14 +87,13 @@ def find_outlines(
 
 
 def find_pairs(
-    position: Float[np.ndarray, "N 3"], reach: float, num_swarms: int = 1
+    position: Float[np.ndarray, "N 3"], reach: float
 ) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
     """Return the pairs of robots whose centers are no farther apart, the smaller index first."""
-    x, y = (position[:, axis].reshape(num_swarms, -1) for axis in (0, 1))
-    near = (x[:, :, None] - x[:, None]) ** 2 + (y[:, :, None] - y[:, None]) ** 2 <= reach**2
-    swarm, first, second = np.nonzero(np.triu(near, k=1))
-    begin = swarm * x.shape[1]
-    return begin + first, begin + second
+    x, y = position[:, 0], position[:, 1]
+    near = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2 <= reach**2
+    first, second = np.nonzero(np.triu(near, k=1))
+    return first, second
 
 
 def find_overlaps(one: Outlines, other: Outlines, scout: ScoutConfig) -> Float[np.ndarray, " P"]:
@@ -206,7 +205,6 @@ def avoid_overlaps(
     groups: Int[np.ndarray, " N"],
     scout: ScoutConfig,
     grip: float,
-    num_swarms: int = 1,
 ) -> Int[np.ndarray, " N"]:
     """Return what of its motion each robot does, so that none reaches farther into another one than before.
 
@@ -214,7 +212,7 @@ def avoid_overlaps(
     all stay, which is allowed, so this comes to an end. Members of a group move together or not at all.
     """
     way = np.abs(full.position[:, :2] - old.position[:, :2]).max(initial=0.0)
-    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip), num_swarms)
+    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip))
     is_apart = groups[first] != groups[second]
     pairs = first[is_apart], second[is_apart]
     if not len(pairs[0]):
@@ -241,13 +239,12 @@ def hold_arms(
     groups: Int[np.ndarray, " N"],
     scout: ScoutConfig,
     grip: float,
-    num_swarms: int = 1,
 ) -> Poses:
     """Return poses in which no arm has moved farther into a robot of its own group than it was."""
     is_member = np.bincount(groups, minlength=len(groups))[groups] > 1
     if not (is_member & (new.hinge != hinge)).any():
         return new
-    first, second = find_pairs(new.position, 2 * scout.arm_reach, num_swarms)
+    first, second = find_pairs(new.position, 2 * scout.arm_reach)
     is_own = groups[first] == groups[second]
     pairs = first[is_own], second[is_own]
     before = outline(new._replace(hinge=hinge), scout)
