@@ -66,7 +66,7 @@ class ArenaDescription:
 
     format: int
     name: str
-    kind: Literal["convex", "primitives", "hfield", "prisms", "mixed"]
+    kind: Literal["convex", "hfield", "prisms", "mixed"]
     friction: float
     num_pieces: int
     quality: dict[str, Any]

@@ -133,8 +133,8 @@ def make_arena(
         accuracy: mean distance between contact and surface that is good enough [m]; None: about the noise and
             spacing of the scan, 3 mm or more.
         max_pieces: no more convex pieces than these.
-        kind: contact geometry, one of "auto", "convex" (pieces, never a height field), "primitives", "hfield",
-            "prisms", "mixed" (boxes, spheres, cylinders and rectangles in place of triangles, for rays too).
+        kind: contact geometry, one of "auto", "convex" (pieces, never a height field), "hfield", "prisms",
+            "mixed" (boxes, spheres, cylinders and rectangles in place of triangles, for rays too).
         viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the scan [m], z up.
         unit: of a mesh: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what its file says, meters where it does not.
         up: axis of a mesh that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what its file says, or z.

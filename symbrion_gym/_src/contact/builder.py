@@ -44,7 +44,6 @@ _LATER_PASSES = (decompose_united_slabs, decompose_body, close_seams, fit_boxes)
 PASSES: dict[str, tuple[Pass, ...]] = {
     "auto": (*_SURFACE_PASSES, fit_height_field, *_LATER_PASSES),
     "convex": (*_SURFACE_PASSES, *_LATER_PASSES),
-    "primitives": _SURFACE_PASSES,
     "prisms": (make_prisms,),
     "mixed": (*_SURFACE_PASSES, *_LATER_PASSES),
 }

@@ -4,7 +4,6 @@
 |---|---|---|
 | `auto` | `convex`, or a height field where rough open ground needs many pieces | everything; the default |
 | `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | pieces always |
-| `primitives` | planes of a terrain become boxes, the rest convex pieces | few large planes |
 | `mixed` | the paper's mixed model: boxes, spheres, cylinders, rectangles, for rays too; the rest is `convex` | rays |
 | `hfield` | MuJoCo's height field | rough, unbroken ground |
 | `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
@@ -23,7 +22,7 @@ from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
-CONTACT_KINDS = ("convex", "primitives", "hfield", "prisms", "mixed")
+CONTACT_KINDS = ("convex", "hfield", "prisms", "mixed")
 """What an arena can be made of."""
 CONTACT_CHOICES = ("auto", *CONTACT_KINDS)
 """What can be asked for."""

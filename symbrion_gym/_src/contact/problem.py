@@ -17,9 +17,9 @@ from symbrion_gym._src.contact.distances import SurfaceDistance, find_nearest
 from symbrion_gym._src.contact.kinds import Contact
 from symbrion_gym._src.contact.options import CONTACT_AIM, ContactOptions
 from symbrion_gym._src.contact.planes import Planes, find_planes
-from symbrion_gym._src.contact.primitives import find_few_planes
 from symbrion_gym._src.contact.simplification import split_long_edges
 from symbrion_gym._src.contact.solid import Shape, close_holes, find_shape, take_top
+from symbrion_gym._src.contact.terrain_planes import find_few_planes
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def test_a_missed_accuracy_is_told_also_from_the_cache(tmp_path, caplog):
     for _ in range(2):
         caplog.clear()
         with caplog.at_level(logging.WARNING):
-            arena = sg.make_arena(stairs, accuracy=1e-7, max_pieces=2, kind="primitives", cache=tmp_path)
+            arena = sg.make_arena(stairs, accuracy=1e-7, max_pieces=2, kind="convex", cache=tmp_path)
         report = report_accuracy(arena)
         assert not report.is_reached
         assert caplog.text.count(report.warnings[-1]) == 1

@@ -45,7 +45,7 @@ class Arena(SeededCommand):
     """Output folder: MJCF for MuJoCo's viewer, meshes, arena.json. An arena in it is replaced, other files are kept."""
     accuracy: float | None = None
     """Target of the mean distance between contact geometry and surface [m]. Default: follows the data."""
-    kind: Literal["auto", "convex", "hfield", "prisms", "primitives", "mixed"] = "auto"
+    kind: Literal["auto", "convex", "hfield", "prisms", "mixed"] = "auto"
     """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit.
     Mixed: boxes, spheres, cylinders and rectangles in place of triangles, for rays, too."""
     max_pieces: int | None = None

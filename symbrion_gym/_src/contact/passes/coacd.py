@@ -11,18 +11,11 @@ from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym._src.contact.coacd_search import decompose_solid
 from symbrion_gym._src.contact.crease_lines import clear_hidden_edges
 from symbrion_gym._src.contact.kinds import Contact
-from symbrion_gym._src.contact.primitives import (
-    MAX_PARTS,
-    MAX_SLABS,
-    MAX_UNITED,
-    find_uncovered,
-    is_smooth,
-    make_boxes,
-)
 from symbrion_gym._src.contact.problem import ContactProblem
 from symbrion_gym._src.contact.seams import mend_pieces
 from symbrion_gym._src.contact.slab_union import decompose_slabs, has_moved, restore_planes
 from symbrion_gym._src.contact.slabs import make_slabs
+from symbrion_gym._src.contact.terrain_planes import MAX_PARTS, MAX_SLABS, MAX_UNITED, is_smooth
 from symbrion_gym._src.errors import ArenaError
 
 
@@ -84,9 +77,6 @@ def fit_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
         options.thickness,
         problem.deadline.is_over,
     )
-    if options.kind == "primitives":
-        boxes = make_boxes(top, problem.top_ground, planes, tolerance)
-        pieces = boxes + find_uncovered(pieces, boxes, tolerance)
     if not pieces:
         return None
     notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}

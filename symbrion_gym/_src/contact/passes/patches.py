@@ -42,9 +42,8 @@ _THICK = 1e-8
 
 
 def fit_flat_patches(problem: ContactProblem, best: Contact | None) -> Contact | None:
-    """Return patches of the surface whose flat parts are moved onto planes; None where what is wanted is reached,
-    or boxes were asked for and found."""
-    if best is not None and (_is_reached(problem, best) or problem.options.kind == "primitives"):
+    """Return patches of the surface whose flat parts are moved onto planes; None where what is wanted is reached."""
+    if best is not None and _is_reached(problem, best):
         return None
     flat = snap_to_planes(problem.surface, problem.planes, problem.aim)
     notes = {"way": "patches of planes and triangles", "planes": len(problem.planes.normals)}
@@ -52,9 +51,8 @@ def fit_flat_patches(problem: ContactProblem, best: Contact | None) -> Contact |
 
 
 def fit_patches(problem: ContactProblem, best: Contact | None) -> Contact | None:
-    """Return patches of the surface as it is; None where what is wanted is reached,
-    or boxes were asked for and found."""
-    if best is not None and (_is_reached(problem, best) or problem.options.kind == "primitives"):
+    """Return patches of the surface as it is; None where what is wanted is reached."""
+    if best is not None and _is_reached(problem, best):
         return None
     return _fit(problem, problem.surface, {"way": "patches of triangles"})
 
