@@ -21,6 +21,7 @@ from typing import Any
 
 from benchmarks.evidence import contact, evolving, robustness, speed, surfaces  # noqa: F401  (they register rows)
 from benchmarks.evidence.row import ROWS
+from benchmarks.report import COMMIT
 
 RESULTS = Path(__file__).parents[1] / "results" / "evidence.json"
 PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
@@ -31,12 +32,11 @@ LONGEST = 1200.0
 
 def describe() -> dict[str, Any]:
     """Return commit, day, machine and versions."""
-    said = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False)
     names = [
         line.split(":")[1].strip() for line in _read("/proc/cpuinfo").splitlines() if "model name" in line
     ]
     return {
-        "commit": said.stdout.strip() or None,
+        "commit": COMMIT,
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "machine": f"{os.cpu_count()} cores of {names[0] if names else platform.machine()}, {platform.system()}",
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import recorded
 import trimesh
+from recorded import check
 
 import evolution as ev
 import symbrion_gym as sg
@@ -13,7 +15,6 @@ from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import ArenaError, TaskError
 from symbrion_gym._src.tasks.audit import Trajectory
 from symbrion_gym._src.tasks.objects import DockAtObject, ReachObject
-from symbrion_gym._src.tasks.task_audit import audit_task
 
 FACING = np.diag([-1.0, -1.0, 1.0])
 """The front points along -x, to the start."""
@@ -26,24 +27,9 @@ def make_arena(rotation=FACING, y=0.3):
 
 
 def drive(task, arena=None, modules=1, **options):
-    """Drive straight ahead; return the environment, the last `info` and the trajectory."""
+    """Drive straight ahead to an object."""
     arena = make_arena() if arena is None else arena
-    start = options.pop("start", (-2.6, 0.3))
-    env = OrganismEnv(task=task, arena=arena, modules=modules, start=start, track_control="body", **options)
-    env.reset(seed=0)
-    moves = [*range(7), *env.world.hinge_qpos]
-    action = np.append(np.zeros(env.world.num_hinges), 1.0)
-    rows, times = [env.data.qpos[moves].copy()], [0.0]
-    while True:
-        *_, terminated, truncated, info = env.step(action)
-        rows.append(env.data.qpos[moves].copy())
-        times.append(info["time"])
-        if terminated or truncated:
-            return env, info, Trajectory(np.array(times), np.array(rows))
-
-
-def judge(env, trajectory):
-    return audit_task(trajectory, env.world.task, env.world.scene, env.config.track_speed)
+    return recorded.drive(task, arena=arena, modules=modules, **({"start": (-2.6, 0.3)} | options))
 
 
 @pytest.mark.parametrize("task", ["reach", "dock"])
@@ -51,10 +37,10 @@ def judge(env, trajectory):
 def test_a_body_that_drives_to_the_front_succeeds(task, modules):
     env, info, trajectory = drive(task, modules=modules, goal="object_station_0")
     assert info["success"], info
-    assert judge(env, trajectory).faults == ()
+    assert check(env, trajectory).faults == ()
     time, qpos = trajectory
     half = len(time) // 2
-    faults = judge(env, Trajectory(time[:half], qpos[:half])).faults
+    faults = check(env, Trajectory(time[:half], qpos[:half])).faults
     assert any("from the object" in text for text in faults), faults
 
 
@@ -68,17 +54,17 @@ def test_a_dock_that_is_not_aligned_is_no_success():
     turned = FACING @ np.array([[np.cos(0.4), -np.sin(0.4), 0], [np.sin(0.4), np.cos(0.4), 0], [0, 0, 1]])
     env, info, trajectory = drive("dock", make_arena(turned), goal="station", tolerance=0.1, duration=8.0)
     assert not info["success"]
-    assert any("degrees off the front" in text for text in judge(env, trajectory).faults)
+    assert any("degrees off the front" in text for text in check(env, trajectory).faults)
 
 
 def test_a_dock_beside_the_front_is_no_success():
     env, info, trajectory = drive("dock", make_arena(y=0.36), goal="station", duration=8.0, start=(-2.6, 0.3))
     # The start looks at the place before the object, so the head is turned to the front for this test.
     time, qpos = trajectory
-    assert not info["success"] or judge(env, trajectory).is_success
+    assert not info["success"] or check(env, trajectory).is_success
     shifted = qpos.copy()
     shifted[:, 1] += 0.1
-    assert not judge(env, Trajectory(time, shifted)).is_success
+    assert not check(env, Trajectory(time, shifted)).is_success
 
 
 def test_a_task_at_an_object_is_stored():

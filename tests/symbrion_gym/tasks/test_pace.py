@@ -82,7 +82,7 @@ def is_clean(path: np.ndarray) -> bool:
         "at the end",
     ],
 )
-def test_both_judges_agree_on_who_was_faster_than_its_tracks(world, expected, motion):
+def test_audit_and_success_check_agree_on_who_was_faster_than_its_tracks(world, expected, motion):
     path = make_path(**motion)
     assert bool(is_honest(world, path)[0]) is expected
     assert is_clean(path) is expected

@@ -1,7 +1,8 @@
-"""The second judge of each task: agrees on honest successes, and sees what is missing."""
+"""The audit of each task: agrees on honest successes, and sees what is missing."""
 
 import numpy as np
 import pytest
+from recorded import check, drive
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.robot.body_plans import make_random_organism
@@ -9,7 +10,6 @@ from symbrion_gym._src.robot.organism import cross, letter_h, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.tasks.audit import Trajectory
 from symbrion_gym._src.tasks.starts import place_tree
-from symbrion_gym._src.tasks.task_audit import audit_task
 
 DRIVES = {
     "cross_gap": {"arena": "truth", "pit": 0.2, "modules": 5, "start": "pit"},
@@ -21,30 +21,11 @@ DRIVES = {
 }
 
 
-def drive(task, **options):
-    """Drive straight ahead; return the environment, the last `info` and the trajectory."""
-    env = OrganismEnv(task=task, track_control="body", **options)
-    env.reset(seed=0)
-    moves = [*range(7), *env.world.hinge_qpos]
-    action = np.append(np.zeros(env.world.num_hinges), 1.0)
-    rows, times = [env.data.qpos[moves].copy()], [0.0]
-    while True:
-        *_, terminated, truncated, info = env.step(action)
-        rows.append(env.data.qpos[moves].copy())
-        times.append(info["time"])
-        if terminated or truncated:
-            return env, info, Trajectory(np.array(times), np.array(rows))
-
-
-def judge(env, trajectory):
-    return audit_task(trajectory, env.world.task, env.world.scene, env.config.track_speed)
-
-
 @pytest.mark.parametrize("task", DRIVES)
-def test_both_judges_agree_on_an_honest_success(task):
+def test_the_audit_agrees_with_an_honest_success(task):
     env, info, trajectory = drive(task, **DRIVES[task])
     assert info["success"], info
-    assert judge(env, trajectory).faults == ()
+    assert check(env, trajectory).faults == ()
 
 
 @pytest.mark.parametrize(
@@ -60,7 +41,7 @@ def test_both_judges_agree_on_an_honest_success(task):
 def test_an_episode_that_ends_too_soon_is_no_success(task, fault):
     env, _, (time, qpos) = drive(task, **DRIVES[task])
     half = len(time) // 2
-    found = judge(env, Trajectory(time[:half], qpos[:half]))
+    found = check(env, Trajectory(time[:half], qpos[:half]))
     assert not found.is_success
     assert any(fault in text for text in found.faults), found.faults
 
@@ -69,11 +50,11 @@ def test_a_jump_and_a_body_on_its_back_are_seen():
     env, _, (time, qpos) = drive("reach", **DRIVES["reach"])
     flown = qpos.copy()
     flown[-40:, 0] += 1.0
-    assert any("moves at" in text for text in judge(env, Trajectory(time, flown)).faults)
-    assert any("faster" in text for text in judge(env, Trajectory(0.2 * time, qpos)).faults)
+    assert any("moves at" in text for text in check(env, Trajectory(time, flown)).faults)
+    assert any("faster" in text for text in check(env, Trajectory(0.2 * time, qpos)).faults)
     over = qpos.copy()
     over[:, 3:7] = 0.0, 1.0, 0.0, 0.0
-    faults = judge(env, Trajectory(time, over)).faults
+    faults = check(env, Trajectory(time, over)).faults
     assert "a module rolled over" in faults
     assert "a module does not end upright" in faults
 
