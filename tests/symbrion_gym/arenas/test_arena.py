@@ -124,7 +124,7 @@ def test_box_pieces_are_found_tilted_too():
 
 @pytest.mark.parametrize("kind", ["hfield", "prisms"])
 def test_other_kinds_of_contact(kind):
-    mesh = make_scanned_surface(Course().profile(), num_vertices=500)
+    mesh = make_scanned_surface(Course().profile(), num_vertices=300)
     arena = make_arena(mesh, kind=kind, accuracy=0.003, cache=False)
     # Along vertical lines, away from walls: there a coarse mesh has chamfers, and boxes have edges.
     quality = measure_arena(arena.pieces, mesh) if arena.pieces else arena.quality
@@ -188,10 +188,10 @@ def test_unknown_names_and_options_are_refused(scanned):
 
 def test_mesh_files_load_by_path(scanned, tmp_path):
     scanned.export(tmp_path / "pit.ply")
-    arena = load_arena(tmp_path / "pit.ply", kind="prisms", course=Course(), cache=tmp_path / "cache")
+    arena = load_arena(tmp_path / "pit.ply", kind="hfield", course=Course(), cache=tmp_path / "cache")
     assert arena.name == "pit"
     assert (arena.course, arena.friction_source) == (Course(), "exact")
-    assert (make_arena(scanned, kind="prisms", friction=0.5)).friction_source == "given"
+    assert (make_arena(scanned, kind="hfield", friction=0.5)).friction_source == "given"
 
 
 def test_the_friction_of_a_scan_is_an_assumption(arena, tmp_path):
@@ -224,7 +224,7 @@ def test_the_cache_gives_back_the_same_and_survives_damage(scanned, tmp_path):
     assert all(
         np.array_equal(a.vertices, b.vertices) for a, b in zip(first.pieces, rebuilt.pieces, strict=True)
     )
-    make_arena(scanned, time_limit=UNHURRIED, cache=tmp_path, kind="prisms")
+    make_arena(scanned, time_limit=UNHURRIED, cache=tmp_path, kind="hfield")
     assert len(list(tmp_path.glob("*.npz"))) == 2
     assert not list(tmp_path.glob("*.part"))
 
