@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.catalog import make_task
     from symbrion_gym._src.tasks.task import Task, read_task
     from symbrion_gym._src.tasks.terms import Reward, Termination
-    from symbrion_gym._src.traversability.drawing import draw_traversability
     from symbrion_gym._src.traversability.footprint import Footprint
 
 register()
@@ -72,7 +71,6 @@ __all__ = [
     "audit",
     "color_arena",
     "cross",
-    "draw_traversability",
     "load_arena",
     "load_organism",
     "load_tiles",

@@ -24,8 +24,8 @@ def test_a_far_flap_is_cut_off():
 
 
 def test_a_short_route_in_a_large_scene_is_framed_closely():
-    terrain = make_terrain(0, size=24.0, spacing=0.5, roughness=0.3)
-    route = terrain.find_route(start=(12.08, 11.97), goal=(14.13, 11.97))
+    terrain = make_terrain(0, size=40.0, spacing=0.5, roughness=0.3)
+    route = terrain.find_route(start=(20.0, 20.0), goal=(22.0, 20.0))
     frame = find_frame(terrain, route)
     low, high = frame.min(axis=0), frame.max(axis=0)
     assert 5.0 < high[0] - low[0] < 8.0

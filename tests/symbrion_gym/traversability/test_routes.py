@@ -18,7 +18,6 @@ from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import snake
-from symbrion_gym._src.traversability.drawing import draw_traversability
 from symbrion_gym._src.traversability.drivable import keep_upright
 from symbrion_gym._src.traversability.footprint import Footprint
 from symbrion_gym._src.traversability.places import DIRECTIONS
@@ -145,12 +144,6 @@ def test_straight_ways_end_at_walls(room):
     back, forth = find_straight_way(ground, is_usable)
     line = np.linspace(back, forth, 200)
     assert not ((np.abs(line[:, 0] - 2.81) < 0.05) & (line[:, 1] < 1.6)).any()
-
-
-def test_a_picture_is_drawn(room, tmp_path):
-    pytest.importorskip("matplotlib")
-    draw_traversability(room.traversability(), tmp_path / "map.png", room.find_route())
-    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_a_side_slope_is_crossed_straight_up_and_not_along():
