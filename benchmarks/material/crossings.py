@@ -8,7 +8,8 @@ import numpy as np
 
 from evolution._src.controllers.controller import make_controller
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.tasks.audit import Trajectory, audit
+from symbrion_gym._src.tasks.audit import audit
+from symbrion_gym._src.tasks.audit_checks import Trajectory
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
 """Knots of the posture along the course, from the middle of the pit [m]."""
@@ -95,10 +96,8 @@ def cross(
         own = states[:count, i, : 7 + envs.world.num_hinges]
         faults: tuple[str, ...] = ()
         if info["success"][i]:
-            far = envs.world.route.pit[1] if envs.world.route.pit else 0.0
-            recording = Trajectory(np.arange(count) * dt, own)
-            found = audit(recording, envs.world.arena.height, far, envs.config.track_speed, 1.0)
-            faults = found.faults
+            recording, world = Trajectory(np.arange(count) * dt, own), envs.world
+            faults = audit(recording, world.task, world.scene, envs.config.track_speed).faults
         crossings.append(
             Crossing(
                 bool(info["success"][i]),

@@ -1,324 +1,175 @@
-"""The audit, a second check: is a recorded crossing honest? It shares nothing with the first but the definition.
+"""The audit, a second check of every task: is a recorded success honest? It shares the definition alone with the first.
 
-It sees generalized coordinates alone, works out where every module was by itself, and looks for the traces of
-a cheat: modules through each other or through the ground, jumps, organisms faster than their tracks,
-hinges beyond their range, energy from nowhere.
+It sees generalized coordinates, the surface, and where the task says that the body should be. Where every module was,
+it works out by itself (`symbrion_gym._src.tasks.starts`), and it looks for the traces of a cheat.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from reconstruction._src.base.range_checks import check_not_negative
-from reconstruction._src.geometry.pose import make_rotation, to_rotation
-from symbrion_gym._src.arenas.placed_objects import find_object
-from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.tasks.audit_checks import (
+    Audit,
+    AuditLimits,
+    Motion,
+    Trajectory,
+    find_bad_hinges,
+    find_bad_motion,
+    find_bad_pace,
+    find_end,
+    find_last_corners,
+    find_not_docked,
+    find_not_faced,
+    find_overlaps,
+    find_progress,
+    find_unsteady_end,
+)
+from symbrion_gym._src.tasks.explore import AreaRoute, SeeGround
+from symbrion_gym._src.tasks.goals import PassFinish
 from symbrion_gym._src.tasks.objects import DockAtObject, ReachObject
+from symbrion_gym._src.tasks.paths import PathRoute
+from symbrion_gym._src.tasks.reach import ReachPlaces
 from symbrion_gym._src.tasks.scene import Scene
+from symbrion_gym._src.tasks.starts import place_tree
+from symbrion_gym._src.tasks.task import Task
+from symbrion_gym._src.tasks.traverse import StandUp
 
-Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""From x and y [m] to the height of the ground [m]."""
-_ROUNDING = 1e-6
-"""Times and distances that differ by less are the same [s, m]."""
-
-
-@dataclass(frozen=True)
-class AuditLimits:
-    """What an honest crossing keeps to. Wider limits find fewer faults.
-
-    Attributes:
-        hold_time: length of the end that must be a success throughout [s].
-        corner: half the edge of the cube in a module that must be beyond the edge [m]; corners of a module may lie
-            this much closer than its docks.
-        upright: smallest z component of the up axis of a module that stands: it leans by 61 degrees at most, one more
-            than the success check allows.
-        rolled_over: below this z component a module has rolled over.
-        clearance: the lowest corner of a standing module is no higher above the ground [m].
-        smallest_height: a center comes no closer to the surface below it [m].
-        smallest_gap: centers of two modules come no closer than this [m]; 87 mm thick, they would be inside each other.
-        max_speed: no module falls faster than this anywhere in an arena 0.25 m high [m/s].
-        hinge_slack: how far hinges give beyond their range under load [rad].
-        track_slip: an organism is faster than its tracks by no more than this factor.
-        speed_slack: what it may be ahead of their path besides, for falling forwards [m].
-        fall_lead: what it may be ahead besides until the end is held, per meter by which the mean height of its
-            modules is below that of the highest: so far it slides at a friction of 1, pulled by what hangs. At the end
-            nothing is excused.
-
-    Raises:
-        OptionError: a number is out of range.
-    """
-
-    hold_time: float = 0.3
-    corner: float = 0.05
-    upright: float = float(np.cos(np.deg2rad(61.0)))
-    rolled_over: float = -0.3
-    clearance: float = 0.045
-    smallest_height: float = 0.02
-    smallest_gap: float = 0.080
-    max_speed: float = 2.5
-    hinge_slack: float = 0.12
-    track_slip: float = 1.02
-    speed_slack: float = 0.06
-    fall_lead: float = 1.0
-
-    def __post_init__(self) -> None:
-        names = [each.name for each in fields(self) if each.name not in ("upright", "rolled_over")]
-        check_not_negative(self, names, OptionError)
-        for name in ("upright", "rolled_over"):
-            if not -1.0 <= getattr(self, name) <= 1.0:
-                raise OptionError(f"AuditLimits: {name} must lie in [-1, 1], got {getattr(self, name)!r}")
-
-
-class Trajectory(NamedTuple):
-    """A recorded episode of a snake.
-
-    Attributes:
-        time: [s], the start first.
-        qpos: position [m] and quaternion (w first) of the head, hinge angles [rad]; as many as a snake has, `h`.
-    """
-
-    time: Float[np.ndarray, " T"]
-    qpos: Float[np.ndarray, "T 7+h"]
-
-
-class Motion(NamedTuple):
-    """What the modules did, worked out from the coordinates.
-
-    Attributes:
-        time: [s].
-        centers: centers of the modules [m].
-        rotations: rotations of the modules.
-    """
-
-    time: Float[np.ndarray, " T"]
-    centers: Float[np.ndarray, "T n 3"]
-    rotations: Float[np.ndarray, "T n 3 3"]
+_CELL = 0.75
+"""A body that looks at the ground from the middle of cells may be this many cells off."""
+_TUMBLED = -1.1
+"""No module leans by more than this z of its up axis: after a tumble any is allowed."""
 
 
 @dataclass(frozen=True)
-class Audit:
-    """What the audit found.
+class _Case:
+    """An episode that is audited."""
 
-    Attributes:
-        is_success: the organism crossed and nothing was wrong.
-        faults: what was wrong, in words; empty for an honest crossing.
-    """
+    motion: Motion
+    scene: Scene
+    limits: AuditLimits
 
-    is_success: bool
-    faults: tuple[str, ...]
+    @property
+    def organism(self) -> Organism:
+        return self.scene.organism
 
+    @property
+    def middle(self) -> Float[np.ndarray, "T 2"]:
+        return self.motion.centers[:, :, :2].mean(axis=1)
 
-def place_modules(
-    qpos: Float[np.ndarray, "T Q"], pitch: float = ScoutConfig.pitch
-) -> tuple[Float[np.ndarray, "T n 3"], Float[np.ndarray, "T n 3 3"]]:
-    """Return centers [m] and rotations of a snake's modules."""
-    rotation = to_rotation(qpos[:, 3:7])
-    center, centers, rotations = qpos[:, :3], [qpos[:, :3]], [rotation]
-    for angle in qpos[:, 7:].T:
-        center = center - pitch * rotation[:, :, 0]
-        rotation = rotation @ make_rotation(pitch=angle)
-        centers.append(center)
-        rotations.append(rotation)
-    return np.stack(centers, axis=1), np.stack(rotations, axis=1)
+    @property
+    def is_end(self) -> Bool[np.ndarray, " T"]:
+        return find_end(self.motion.time, self.limits)
+
+    def find_along(self, points: Float[np.ndarray, "... 3"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far along the way and how far left of its middle points are [m]."""
+        angle, offset = self.scene.route.heading, self.scene.route.lateral
+        ahead = points[..., 0] * np.cos(angle) + points[..., 1] * np.sin(angle)
+        return ahead, points[..., 1] * np.cos(angle) - points[..., 0] * np.sin(angle) - offset
 
 
 def audit(
-    trajectory: Trajectory,
-    height: Height,
-    far_edge: float,
-    track_speed: float,
-    half_width: float = np.inf,
-    scout: ScoutConfig | None = None,
-    limits: AuditLimits | None = None,
+    trajectory: Trajectory, task: Task, scene: Scene, track_speed: float, limits: AuditLimits | None = None
 ) -> Audit:
-    """Check a recorded episode on a course along x.
+    """Check a recorded success of a task.
 
     Args:
         trajectory: the episode, to its end.
-        height: height of the ground.
-        far_edge: x of the edge that every module must have behind it [m].
-        track_speed: track speed of the organism [m/s].
-        half_width: half the width of the course [m].
-        scout: constants of the modules; None for the defaults.
-        limits: limits of an honest crossing; None for the defaults.
+        task: what was to be done.
+        scene: where, by which body.
+        track_speed: of the organism [m/s].
+        limits: of an honest success; None for the defaults.
     """
-    scout, limits = scout or ScoutConfig(), limits or AuditLimits()
+    limits = limits or AuditLimits()
     if not np.isfinite(trajectory.qpos).all():
         return Audit(False, ("a coordinate is not finite",))
-    motion = Motion(trajectory.time, *place_modules(trajectory.qpos, scout.pitch))
+    organism, scout = scene.organism, scene.organism.scout
+    case = _Case(Motion(trajectory.time, *place_tree(trajectory.qpos, organism)), scene, limits)
+    goal, height = task.goal, _find_height(scene)
+    rolled_over = _TUMBLED if isinstance(goal, StandUp) else limits.rolled_over
+    hinges = trajectory.qpos[:, 7 : 7 + len(organism.hinges)]
     faults = [
-        *find_bad_hinges(trajectory.qpos[:, 7:], scout.hinge_range + limits.hinge_slack),
-        *find_bad_motion(motion, limits),
-        *_find_bad_course(motion, half_width),
-        *find_bad_pace(
-            motion, track_speed, limits, find_progress(motion.centers[:, :, 0], far_edge + scout.pitch / 2)
-        ),
-        *find_overlaps(motion.centers, height, limits),
-        *_find_bad_end(motion, height, far_edge, limits),
+        *find_bad_hinges(hinges, scout.hinge_range + limits.hinge_slack),
+        *find_bad_motion(case.motion, limits, rolled_over),
+        *find_bad_pace(case.motion, track_speed, limits, _find_progress(case, goal)),
+        *find_overlaps(case.motion.centers, height, limits),
+        *find_unsteady_end(case.motion, height, limits),
+        *_find_bad_goal(case, goal),
     ]
     return Audit(not faults, tuple(faults))
 
 
-def find_bad_hinges(angles: Float[np.ndarray, "T h"], largest: float) -> list[str]:
-    """Return whether a hinge is beyond its range [rad]."""
-    return ["a hinge is beyond its range"] if (np.abs(angles) > largest).any() else []
+def _find_height(scene: Scene):
+    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        if scene.route.start_height is None:
+            return scene.arena.height(x, y)
+        return scene.arena.elevation.height_below(x, y, np.full(np.shape(x), scene.route.start_height + 0.25))
+
+    return height
 
 
-def find_bad_motion(motion: Motion, limits: AuditLimits, rolled_over: float | None = None) -> list[str]:
-    """Return what no body does: jumps, and rolling over."""
-    faults, (time, centers, rotations) = [], motion
-    step = np.diff(time)
-    if not (step > 0).all():
-        faults.append("time does not go on")
-    speed = np.linalg.norm(np.diff(centers, axis=0), axis=2) / step[:, None]
-    if speed.max(initial=0.0) > limits.max_speed:
-        faults.append(f"a module moves at {speed.max():.2f} m/s")
-    if (rotations[:, :, 2, 2] < (limits.rolled_over if rolled_over is None else rolled_over)).any():
-        faults.append("a module rolled over")
+def _find_progress(case: _Case, goal: object) -> Float[np.ndarray, " T"] | None:
+    if not isinstance(goal, PassFinish):
+        return None
+    return find_progress(case.find_along(case.motion.centers)[0], case.scene.route.finish)
+
+
+def _find_bad_goal(case: _Case, goal: object) -> list[str]:
+    if isinstance(goal, PassFinish):
+        return _find_not_across(case)
+    if isinstance(goal, DockAtObject):
+        return find_not_docked(case.motion, case.is_end, case.scene, goal)
+    if isinstance(goal, ReachObject):
+        faults = find_not_faced(case.motion, case.is_end, case.scene, goal)
+        return faults + _find_not_reached(case, goal)
+    if isinstance(goal, ReachPlaces):
+        return _find_not_reached(case, goal)
+    if isinstance(goal, SeeGround):
+        return _find_unseen(case, goal)
+    if isinstance(goal, StandUp):
+        return []
+    raise TaskError(f"there is no audit for {goal!r}; write one like `symbrion_gym._src.tasks.audit`")
+
+
+def _find_not_across(case: _Case) -> list[str]:
+    faults, route, motion = [], case.scene.route, case.motion
+    corners = find_last_corners(motion, case.limits)
+    edge = route.finish - case.organism.scout.pitch / 2
+    missing = edge - case.find_along(corners)[0].min()
+    if missing >= 0:
+        faults.append(f"a module ends {1000 * missing:.0f} mm before the edge")
+    if np.abs(case.find_along(motion.centers)[1]).max() > route.half_width:
+        faults.append("a module left the course at the side")
     return faults
 
 
-def _find_bad_course(motion: Motion, half_width: float) -> list[str]:
-    is_beside = np.abs(motion.centers[:, :, 1]).max() > half_width
-    return ["a module left the course at the side"] if is_beside else []
+def _find_not_reached(case: _Case, goal: ReachPlaces) -> list[str]:
+    route = case.scene.route
+    assert isinstance(route, PathRoute)
+    tolerance = case.organism.scout.size[0] if goal.tolerance is None else goal.tolerance
+    places = np.array([corner for corner, exact in zip(route.corners, route.is_place, strict=True) if exact])
+    first = 0
+    for number, place in enumerate(places, 1):
+        near = np.flatnonzero(np.linalg.norm(case.middle[first:] - place, axis=1) <= tolerance)
+        if not len(near):
+            return [f"the body never was at place {number}"]
+        first += int(near[0])
+    away = np.linalg.norm(case.middle[case.is_end] - places[-1], axis=1).max()
+    if away > tolerance + case.limits.hold_time * case.organism.scout.track_speed:
+        return [f"the body ends {1000 * away:.0f} mm from the place"]
+    return []
 
 
-def find_progress(ahead: Float[np.ndarray, "T n"], finish: float) -> Float[np.ndarray, " T"]:
-    """Return the mean position of the modules along a way, each counted up to the finish [m]."""
-    return np.minimum(ahead, finish).mean(axis=1)
+def _find_unseen(case: _Case, goal: SeeGround) -> list[str]:
+    from scipy.spatial import cKDTree
 
-
-def find_bad_pace(
-    motion: Motion,
-    track_speed: float,
-    limits: AuditLimits,
-    progress: Float[np.ndarray, " T"] | None = None,
-) -> list[str]:
-    """Return whether the body was faster than its tracks.
-
-    Its middle may be no farther from its start, in plan, than the tracks can have taken it. Until the end is held, a
-    body that is pulled by modules that hang may have slid ahead, as far as their loss of height pays for the friction.
-    """
-    time, middle, height = motion.time, motion.centers.mean(axis=1), motion.centers[:, :, 2]
-    tracks = track_speed * (time - time[0]) * limits.track_slip + limits.speed_slack
-    away = np.linalg.norm(middle[:, :2] - middle[0, :2], axis=1)
-    way = away if progress is None else progress - progress[0]
-    hang = height.max(axis=1) - height.mean(axis=1)
-    was_ahead = (way > tracks + limits.fall_lead * hang).any()
-    ends_ahead = (away > tracks)[_find_end(time, limits)].any()
-    return ["the body was faster than its tracks"] if was_ahead or ends_ahead else []
-
-
-def _find_end(time: Float[np.ndarray, " T"], limits: AuditLimits) -> Bool[np.ndarray, " T"]:
-    """Return which times belong to the end that is held."""
-    return time > time[-1] - limits.hold_time + _ROUNDING
-
-
-def find_overlaps(centers: Float[np.ndarray, "T n 3"], height: Height, limits: AuditLimits) -> list[str]:
-    """Return whether modules were inside each other or the ground."""
-    faults = []
-    for apart in range(1, centers.shape[1]):
-        nearest = np.linalg.norm(centers[:, apart:] - centers[:, :-apart], axis=2).min()
-        if nearest < limits.smallest_gap:
-            faults.append(f"modules {apart} apart came within {1000 * nearest:.0f} mm")
-    ground = np.asarray(height(centers[:, :, 0], centers[:, :, 1]))
-    sunk = (centers[:, :, 2] - ground < limits.smallest_height) & np.isfinite(ground)
-    if sunk.any():
-        faults.append("a module sank into the ground")
-    return faults
-
-
-def _find_bad_end(motion: Motion, height: Height, far_edge: float, limits: AuditLimits) -> list[str]:
-    """Check that at the end every corner of every module is beyond the edge, and every module stands upright."""
-    faults, corners = [], _find_last_corners(motion, limits)
-    if corners[..., 0].min() <= far_edge:
-        faults.append(f"a module ends {1000 * (far_edge - corners[..., 0].min()):.0f} mm before the edge")
-    return faults + find_unsteady_end(motion, height, limits)
-
-
-def _find_last_corners(motion: Motion, limits: AuditLimits) -> Float[np.ndarray, "L n 8 3"]:
-    """Return the corners of all modules while the success was held."""
-    last = _find_end(motion.time, limits)
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    turned = np.einsum("tnij,cj->tnci", motion.rotations[last], signs * limits.corner)
-    return motion.centers[last][:, :, None] + turned
-
-
-def find_unsteady_end(motion: Motion, height: Height, limits: AuditLimits) -> list[str]:
-    """Return whether a module does not end upright, or not on the ground.
-
-    It is on the ground if its lowest corner is close above the ground below this corner or below its center, whichever
-    is higher: over a rim or the edge of a gap, a corner may have nothing below it, and what carries the module lies
-    below its center. Below the center there has to be ground.
-    """
-    faults, corners = [], _find_last_corners(motion, limits)
-    last = _find_end(motion.time, limits)
-    if motion.rotations[last][:, :, 2, 2].min() < limits.upright:
-        faults.append("a module does not end upright")
-    lowest = np.take_along_axis(corners, corners[..., 2].argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
-    below_center = height(*np.moveaxis(motion.centers[last][..., :2], -1, 0))
-    ground = np.fmax(height(lowest[..., 0], lowest[..., 1]), below_center)
-    if not (np.isfinite(below_center).all() and np.max(lowest[..., 2] - ground) < limits.clearance):
-        faults.append("a module does not end on the ground")
-    return faults
-
-
-_SLACK_ANGLE = np.deg2rad(1.0)
-"""The coordinates are read at the end of a tick, the success check reads poses one physics step older."""
-_SLACK = 0.002
-
-
-def find_not_faced(
-    motion: Motion, is_end: Bool[np.ndarray, " T"], scene: Scene, goal: ReachObject
-) -> list[str]:
-    """Return whether the head does not end near the front of the object, and turned to it."""
-    head, ahead, face, _ = _find_object_end(motion, is_end, scene, goal)
-    offset = face - head
-    away = np.linalg.norm(offset, axis=1)
-    x = np.array([pose.x for pose in scene.organism.find_poses()])
-    scout = scene.organism.scout
-    length = float(np.ptp(x)) + scout.dock_reach + scout.arm_reach
-    angle = np.arccos(np.clip((offset * ahead).sum(axis=1) / np.maximum(away, 1e-9), -1.0, 1.0))
-    faults = []
-    if away.max() > length + _SLACK:
-        faults.append(f"the head ends {1000 * away.max():.0f} mm from the object")
-    if angle.max() > goal.max_angle + _SLACK_ANGLE:
-        faults.append(f"the head ends {np.degrees(angle.max()):.0f} degrees off the object")
-    return faults
-
-
-def find_not_docked(
-    motion: Motion, is_end: Bool[np.ndarray, " T"], scene: Scene, goal: DockAtObject
-) -> list[str]:
-    """Return whether the dock does not end at the front of the object, or not aligned with it."""
-    head, ahead, face, front = _find_object_end(motion, is_end, scene, goal)
-    offset = head + scene.organism.scout.arm_reach * ahead - face
-    side = np.array([-front[1], front[0]])
-    off = np.abs(np.stack([offset @ front, offset @ side])).max()
-    angle = np.arccos(np.clip(-(ahead @ front), -1.0, 1.0)).max()
-    faults = []
-    if off > goal.find_tolerance() + _SLACK:
-        faults.append(f"the dock ends {1000 * off:.0f} mm from the object")
-    if angle > goal.max_angle + _SLACK_ANGLE:
-        faults.append(f"the head ends {np.degrees(angle):.0f} degrees off the front of the object")
-    return faults
-
-
-def _find_object_end(
-    motion: Motion, is_end: Bool[np.ndarray, " T"], scene: Scene, goal: ReachObject
-) -> tuple[
-    Float[np.ndarray, "L 2"], Float[np.ndarray, "L 2"], Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]
-]:
-    """Return places and directions of the head at the end, and the middle and direction of the object's front."""
-    each = find_object(scene.arena.objects, goal.site)
-    front = each.rotation[:2, 0] / max(float(np.linalg.norm(each.rotation[:2, 0])), 1e-9)
-    face = each.position[:2] + float(np.max(each.mesh.vertices[:, 0])) * front
-    ahead = motion.rotations[is_end][:, 0, :2, 0]
-    ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
-    return motion.centers[is_end][:, 0, :2], ahead, face, front
+    route = case.scene.route
+    assert isinstance(route, AreaRoute)
+    reach = route.sight + _CELL * route.edge
+    away, _ = cKDTree(case.motion.centers[:, 0, :2]).query(route.places)
+    share = float(np.mean(away <= reach))
+    return [] if share >= goal.share else [f"only {share:.0%} of the ground was seen"]

@@ -3,8 +3,8 @@
 import numpy as np
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
-from symbrion_gym._src.tasks.audit import Trajectory
-from symbrion_gym._src.tasks.task_audit import audit_task
+from symbrion_gym._src.tasks.audit import audit
+from symbrion_gym._src.tasks.audit_checks import Trajectory
 
 
 def drive(task, **options):
@@ -24,4 +24,4 @@ def drive(task, **options):
 
 def check(env, trajectory):
     """Return what the audit finds."""
-    return audit_task(trajectory, env.world.task, env.world.scene, env.config.track_speed)
+    return audit(trajectory, env.world.task, env.world.scene, env.config.track_speed)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
-from symbrion_gym._src.tasks.audit import AuditLimits, Trajectory, audit, place_modules
+from symbrion_gym._src.tasks.audit import audit
+from symbrion_gym._src.tasks.audit_checks import AuditLimits, Trajectory
+from symbrion_gym._src.tasks.starts import place_tree
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +26,7 @@ def crossing():
 
 
 def _audit(env, trajectory):
-    return audit(trajectory, env.world.arena.height, 0.1, env.config.track_speed, 1.0)
+    return audit(trajectory, env.world.task, env.world.scene, env.config.track_speed)
 
 
 def test_an_honest_crossing_is_honest(crossing):
@@ -34,7 +36,7 @@ def test_an_honest_crossing_is_honest(crossing):
 
 def test_it_places_modules_as_the_physics_does(crossing):
     env, trajectory = crossing
-    centers, rotations = place_modules(trajectory.qpos[-2:])
+    centers, rotations = place_tree(trajectory.qpos[-2:], env.world.scene.organism)
     np.testing.assert_allclose(centers[0], env.physics.position[0], atol=2e-3)
     np.testing.assert_allclose(rotations[0].reshape(-1, 9), env.physics.rotation[0], atol=2e-2)
 
@@ -64,7 +66,7 @@ def test_every_cheat_is_seen(crossing, change, fault):
 
 def test_limits_can_be_chosen(crossing):
     env, trajectory = crossing
-    found = audit(trajectory, env.world.arena.height, 0.1, 0.1, limits=AuditLimits(max_speed=0.01))
+    found = audit(trajectory, env.world.task, env.world.scene, 0.1, AuditLimits(max_speed=0.01))
     assert any("moves at" in text for text in found.faults)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.tasks.audit import AuditLimits, Motion, find_bad_pace, find_unsteady_end
+from symbrion_gym._src.tasks.audit_checks import AuditLimits, Motion, find_bad_pace, find_unsteady_end
 from symbrion_gym._src.tasks.goals import find_honest, find_honest_along
 from symbrion_gym._src.tasks.state import TaskState, Views
 from symbrion_gym._src.tasks.watch import Watch

@@ -8,7 +8,7 @@ from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.robot.body_plans import make_random_organism
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.tasks.audit import Trajectory
+from symbrion_gym._src.tasks.audit_checks import Trajectory
 from symbrion_gym._src.tasks.starts import place_tree
 
 DRIVES = {
