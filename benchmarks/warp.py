@@ -182,7 +182,7 @@ def run(
 
 
 def _find_device() -> str:
-    from symbrion_gym._src.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.environment.warp.requirements import find_device, import_warp
 
     return find_device(import_warp()[0], None).alias
 

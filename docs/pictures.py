@@ -28,9 +28,9 @@ from PIL import Image
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.bodies.genome import enumerate_bodies
 from evolution._src.report.arena_view import draw_arena
 from evolution._src.report.figures import draw_bodies, to_png
+from evolution._src.search.bodies.genome import enumerate_bodies
 
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"

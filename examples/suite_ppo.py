@@ -26,8 +26,8 @@ from evolution._src.search.run import describe_origin
 from evolution._src.suite.running import fill_submission
 from evolution._src.suite.submission import Entry, find_score
 from evolution._src.suite.tasks import BUDGET, EXAM_SEED, SUITE, SuiteTask, find_suite_task
-from symbrion_gym._src.adapters.stable_baselines_env import StableBaselinesEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
 CONTROLLER = "evolution._src.controllers.policy_network:PolicyNetwork"

@@ -9,6 +9,7 @@ from reconstruction._src.reconstruction import Reconstruction
 if TYPE_CHECKING:
     from reconstruction._src.base.errors import ReconstructionError, ReconstructionPackageError, ScanError
     from reconstruction._src.base.progress import Progress, silent
+    from reconstruction._src.knowledge.slip.drags import SlipPriors
     from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction._src.networks.gsrm.gsrm import GSRMConfig
     from reconstruction._src.objects.finding import FoundObject, find_objects
@@ -31,9 +32,8 @@ if TYPE_CHECKING:
     from reconstruction._src.scans.scan import ScanLog
     from reconstruction._src.scans.scan_log_file import load_scan_log
     from reconstruction._src.scans.selection import crop, find_crop_box, thin
+    from reconstruction._src.scans.slip_readings import SlipReadings
     from reconstruction._src.scans.smoothing import NoisePriors
-    from reconstruction._src.slip.drags import SlipPriors
-    from reconstruction._src.slip.readings import SlipReadings
     from reconstruction._src.surfaces.quality import Quality, measure_quality
     from reconstruction._src.tiles.point_stream import TilesConfig
     from reconstruction._src.tiles.tiling import reconstruct_tiles

@@ -97,6 +97,13 @@ def test_no_folder_has_a_circle_of_imports():
     assert not circles
 
 
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_house_has_few_rooms_and_floors(package):
+    names = [name.split(".")[2:] for name in SOURCES if name.startswith(f"{package}._src.")]
+    assert len({parts[0] for parts in names if len(parts) > 1}) <= 8
+    assert max(map(len, names)) <= 4
+
+
 def test_a_circle_is_found(monkeypatch):
     names = ["p._src.low.a", "p._src.high.b", "p._src.high.c", "p._src.low.d"]
     monkeypatch.setitem(globals(), "IMPORTS", {a: {b} for a, b in pairwise(names)})

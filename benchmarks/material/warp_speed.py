@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from symbrion_gym._src.assets import NAMED_ARENAS
+from symbrion_gym._src.environment.warp.making import make_vector_env
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.warp.making import make_vector_env
 
 TICKS = 50
 """Of a measurement, after as many to warm up and to reach the ground."""
@@ -24,8 +24,8 @@ def find_task(arena: str) -> dict[str, Any]:
 
 def find_array(device: str) -> str:
     """Return "jax" where JAX sees a device of Warp, and "numpy" where only Warp does."""
-    from symbrion_gym._src.warp.device.run import find_jax_device
-    from symbrion_gym._src.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.environment.warp.device.run import find_jax_device
+    from symbrion_gym._src.environment.warp.requirements import find_device, import_warp
 
     try:
         find_jax_device(find_device(import_warp()[0], device))
@@ -120,7 +120,7 @@ def wait(envs: Any) -> float:
 
 def _find_memory(device: str) -> float:
     """Return the memory in use on a GPU, of all its processes [bytes]; 0 on the processor."""
-    from symbrion_gym._src.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.environment.warp.requirements import find_device, import_warp
 
     found = find_device(import_warp()[0], device)
     return 0.0 if found.is_cpu else float(found.total_memory - found.free_memory)

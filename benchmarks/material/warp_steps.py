@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.material.crossings import draw_conditions
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.warp.batch import VARIED, WarpBatch
+from symbrion_gym._src.environment.warp.batch import VARIED, WarpBatch
 
 STEPS_PER_ACTION = 100
 """Random actions are held for so long: half a second."""

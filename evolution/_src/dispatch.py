@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, overload
 
-from evolution._src.body_search.config import BodyEvolutionConfig
-from evolution._src.body_search.loop import evolve_bodies
-from evolution._src.body_search.run import BodyRun
+from evolution._src.search.bodies.config import BodyEvolutionConfig
+from evolution._src.search.bodies.loop import evolve_bodies
+from evolution._src.search.bodies.run import BodyRun
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve as evolve_controller
 from evolution._src.search.run import Run

@@ -15,24 +15,24 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.bounded_read import MAX_BYTES
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.changes.input_checks import check_free_rays, check_origins, check_scale
 from reconstruction._src.input_cloud import join_clouds, make_cloud_of_rays
+from reconstruction._src.knowledge.changes.input_checks import check_free_rays, check_origins, check_scale
+from reconstruction._src.knowledge.slip.drags import join_slip
 from reconstruction._src.methods import find_method
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.saved_file import Saved, read_saved, write_saved
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.point_rows import check_points, check_seed
 from reconstruction._src.scans.scan import ScanLog
-from reconstruction._src.slip.drags import join_slip
 
 if TYPE_CHECKING:
     import trimesh
 
+    from reconstruction._src.knowledge.slip.drags import FrictionReadings
+    from reconstruction._src.knowledge.slip.patches import FrictionEstimate
     from reconstruction._src.methods import NetworkConfig, State
     from reconstruction._src.scans.preprocess import Dropped
-    from reconstruction._src.slip.drags import FrictionReadings
-    from reconstruction._src.slip.patches import FrictionEstimate
-    from reconstruction._src.slip.readings import SlipReadings
+    from reconstruction._src.scans.slip_readings import SlipReadings
     from reconstruction._src.surfaces.color import ColorError, Paint
     from reconstruction._src.surfaces.quality import Quality
 
@@ -242,8 +242,8 @@ class Reconstruction:
         free_rays: Float[np.ndarray, "K 2 3"] | None,
     ) -> tuple[State, Bool[np.ndarray, " N"]]:
         """Return the network that has learned from new readings, and which of the old points are still valid."""
-        from reconstruction._src.changes.detection import detect_changes
-        from reconstruction._src.changes.validity import compare
+        from reconstruction._src.knowledge.changes.detection import detect_changes
+        from reconstruction._src.knowledge.changes.validity import compare
         from reconstruction._src.networks.surface_fit import mean_edge_length
 
         vertices, faces = self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64)
@@ -277,7 +277,7 @@ class Reconstruction:
     @cached_property
     def friction(self) -> FrictionEstimate | None:
         """Friction of the ground in patches; None where no robot felt it, or too little of it."""
-        from reconstruction._src.slip.patches import find_friction_patches
+        from reconstruction._src.knowledge.slip.patches import find_friction_patches
 
         return None if self.slip is None else find_friction_patches(self.slip)
 

@@ -13,13 +13,13 @@ import numpy as np
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.knowledge.slip.drags import read_slip_arrays
 from reconstruction._src.methods import find_method, make_config
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.slip.drags import read_slip_arrays
 
 if TYPE_CHECKING:
+    from reconstruction._src.knowledge.slip.drags import FrictionReadings
     from reconstruction._src.methods import NetworkConfig, State
-    from reconstruction._src.slip.drags import FrictionReadings
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1

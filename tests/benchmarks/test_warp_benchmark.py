@@ -104,13 +104,16 @@ def test_speed_is_measured_with_torch(stored):
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_gpu")
 def test_where_jax_sees_no_gpu_only_the_physics_is_on_it(monkeypatch, stored):
-    import symbrion_gym._src.warp.device.run
-    import symbrion_gym._src.warp.device.vector_env
+    import symbrion_gym._src.environment.warp.device.run
+    import symbrion_gym._src.environment.warp.device.vector_env
 
     def refuse(device):
         raise OptionError("JAX does not see device")
 
-    for module in (symbrion_gym._src.warp.device.vector_env, symbrion_gym._src.warp.device.run):
+    for module in (
+        symbrion_gym._src.environment.warp.device.vector_env,
+        symbrion_gym._src.environment.warp.device.run,
+    ):
         monkeypatch.setattr(module, "find_jax_device", refuse)
     assert benchmark.run(True, "cpu", worlds=(2,), only=("speed", "determinism"), arenas=("truth",)) == []
     assert stored["speed_numpy"]["array"] == stored["determinism"]["2 worlds"]["array"] == "numpy"

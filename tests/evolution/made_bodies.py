@@ -2,7 +2,7 @@
 
 import evolution as ev
 from evolution._src.backends.outcome import Outcome
-from evolution._src.bodies.genome import genome_of
+from evolution._src.search.bodies.genome import genome_of
 
 
 def simulate(jobs, threads):

@@ -31,11 +31,11 @@ from evolution._src.controllers.protocol import Controller, reset_rows
 from evolution._src.errors import NoEnvironmentError, RunError
 from symbrion_gym._src.environment.models import LayoutError
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.environment.warp.making import make_vector_env
 from symbrion_gym._src.errors import OptionError, TaskError
-from symbrion_gym._src.warp.making import make_vector_env
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.warp.device.vector_env import DeviceVectorEnv
+    from symbrion_gym._src.environment.warp.device.vector_env import DeviceVectorEnv
 
 logger = logging.getLogger(__name__)
 

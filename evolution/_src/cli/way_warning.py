@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution._src.bodies.genome import BodyGenome, make_row
+from evolution._src.search.bodies.genome import BodyGenome, make_row
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import ArenaError

@@ -8,18 +8,18 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from evolution._src.body_search.algorithms import (
+from evolution._src.champions.playback import play
+from evolution._src.errors import RunError
+from evolution._src.report.figures import draw_bodies, to_png
+from evolution._src.report.page import Card, Page
+from evolution._src.search.bodies.algorithms import (
     describe_success,
     explain_fitness,
     find_effort_weight,
     format_fitness,
 )
-from evolution._src.body_search.learning import LevelResult
-from evolution._src.body_search.run import BodyRun
-from evolution._src.champions.playback import play
-from evolution._src.errors import RunError
-from evolution._src.report.figures import draw_bodies, to_png
-from evolution._src.report.page import Card, Page
+from evolution._src.search.bodies.learning import LevelResult
+from evolution._src.search.bodies.run import BodyRun
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_count, format_energy
 

@@ -19,7 +19,7 @@ from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
-from evolution._src.bodies.genome import BodyGenome
+from evolution._src.search.bodies.genome import BodyGenome
 from reconstruction._src.surfaces.color import WHITE, find_vertex_colors
 
 DPI = 110

@@ -60,7 +60,7 @@ def is_solved(config: EvolutionConfig, champion: Champion | None) -> bool:
 CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
 LOCK = ".lock"
 BODIES = "bodies"
-"""The kind of a folder of a search for bodies, which `evolution._src.body_search.run` reads."""
+"""The kind of a folder of a search for bodies, which `evolution._src.search.bodies.run` reads."""
 IN_DISTRIBUTION = (
     "equal in distribution only: samples were tried on a GPU in single precision (backend 'warp')"
 )

@@ -12,14 +12,14 @@ from jaxtyping import Float
 from evolution._src.backends.cluster import Backend
 from evolution._src.backends.settings import Randomization, read_organism
 from evolution._src.backends.trials import Job, find_trial_controller
-from evolution._src.bodies.variation import BodyLimits, make_random_body
-from evolution._src.body_search.algorithms import make_algorithm
-from evolution._src.body_search.config import BodiesConfig, BodyEvolutionConfig
-from evolution._src.body_search.learner import Learner
-from evolution._src.body_search.learning import LearningConfig, LevelResult
-from evolution._src.body_search.record import BodyRecord
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
+from evolution._src.search.bodies.algorithms import make_algorithm
+from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig
+from evolution._src.search.bodies.learner import Learner
+from evolution._src.search.bodies.learning import LearningConfig, LevelResult
+from evolution._src.search.bodies.record import BodyRecord
+from evolution._src.search.bodies.variation import BodyLimits, make_random_body
 from evolution._src.search.cmaes import Space, Strategy
 from evolution._src.suite.submission import SCORING, Entry, find_score
 from evolution._src.suite.tasks import BUDGET, EXAM_SEED, LARGEST, SuiteTask, find_arena

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.slip.readings import SlipReadings
+from reconstruction._src.scans.slip_readings import SlipReadings
 
 Array = NDArray[np.float64]
 

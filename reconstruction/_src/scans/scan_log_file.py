@@ -12,7 +12,7 @@ from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from reconstruction._src.scans.scan_3dtk import load_3dtk
-from reconstruction._src.slip.readings import SlipReadings
+from reconstruction._src.scans.slip_readings import SlipReadings
 
 
 def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> ScanLog:

@@ -37,8 +37,8 @@ from symbrion_gym._src.contact.options import REPAIR, ContactOptions, find_accur
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
+    from reconstruction._src.knowledge.slip.patches import EstimatedPatch, FrictionEstimate
     from reconstruction._src.reconstruction import Reconstruction
-    from reconstruction._src.slip.patches import EstimatedPatch, FrictionEstimate
 
 ASSUMED_FRICTION = 0.7
 """Rubber tracks on a hard floor, about; a scan does not show it."""

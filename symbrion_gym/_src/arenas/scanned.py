@@ -26,8 +26,8 @@ from symbrion_gym._src.contact.quality import RayMesh
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
+    from reconstruction._src.knowledge.slip.patches import FrictionEstimate
     from reconstruction._src.reconstruction import Reconstruction
-    from reconstruction._src.slip.patches import FrictionEstimate
 
 _HIDDEN = 1e-3
 """A point of a surface is hidden where the surface is nearer to the viewpoint by more than this [m]."""

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.pose import make_quaternion
-from reconstruction._src.slip.readings import SlipReadings
+from reconstruction._src.scans.slip_readings import SlipReadings
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.robot.organism_sensors import add_sensors

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction._src.base.range_checks import check_counts, check_not_negative, check_positive
-from reconstruction._src.slip.readings import SlipReadings
+from reconstruction._src.scans.slip_readings import SlipReadings
 from symbrion_gym._src.errors import SurveyError
 
 _POSITIVE = ("speed", "drag_speed", "cruise", "drag", "spacing", "margin", "least_run", "patience", "tick")

@@ -10,8 +10,8 @@ import symbrion_gym as sg
 from evolution._src.backends import body_rollout, rollout
 from evolution._src.backends.outcome import FAILED_PROGRESS
 from evolution._src.backends.trials import Job, make_failure
-from evolution._src.bodies.genome import parse_genome
 from evolution._src.errors import NoEnvironmentError
+from evolution._src.search.bodies.genome import parse_genome
 from symbrion_gym._src.tasks.traverse import FarEnd
 
 WIDE = "l(l(.))r(.)"

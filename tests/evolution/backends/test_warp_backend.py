@@ -9,9 +9,9 @@ import toys
 import reconstruction._src.base.extras
 from evolution._src.backends import cluster, rollout
 from evolution._src.backends.cluster import make_backend
-from evolution._src.body_search.config import BodyEvolutionConfig
 from evolution._src.errors import RunError
 from evolution._src.search import loop
+from evolution._src.search.bodies.config import BodyEvolutionConfig
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.evaluation import evaluate
 from evolution._src.search.loop import evolve, load_run, resume

@@ -17,7 +17,7 @@ SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", 
 def made(monkeypatch):
     """Physics that is made: no robot moves; as in `made_bodies`, nothing succeeds."""
     monkeypatch.setattr("evolution._src.backends.rollout.simulate", made_bodies.simulate)
-    monkeypatch.setattr("evolution._src.body_search.loop.warm_up", lambda *_: None)
+    monkeypatch.setattr("evolution._src.search.bodies.loop.warm_up", lambda *_: None)
 
 
 def test_the_command_that_is_proposed_goes_on(tmp_path, capsys):

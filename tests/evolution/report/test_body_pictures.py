@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.patches import Polygon
 
-from evolution._src.bodies.genome import parse_genome
 from evolution._src.report.figures import draw_bodies
+from evolution._src.search.bodies.genome import parse_genome
 
 
 def test_every_module_is_a_square_where_it_lies():

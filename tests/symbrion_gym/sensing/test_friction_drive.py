@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction._src.slip.drags import find_friction
-from reconstruction._src.slip.patches import find_friction_patches
+from reconstruction._src.knowledge.slip.drags import find_friction
+from reconstruction._src.knowledge.slip.patches import find_friction_patches
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.making import choose_friction

@@ -12,8 +12,6 @@ import tyro
 
 import evolution as ev
 from evolution._src.backends.cluster import BACKENDS
-from evolution._src.body_search.config import ALGORITHMS, BodiesConfig
-from evolution._src.body_search.run import has_bodies
 from evolution._src.cli.command import (
     SeededCommand,
     TrustingCommand,
@@ -31,6 +29,8 @@ from evolution._src.cli.commands.evolve_bodies import (
 )
 from evolution._src.cli.console import Console
 from evolution._src.cli.way_warning import describe_interruption, warn_of_way
+from evolution._src.search.bodies.config import ALGORITHMS, BodiesConfig
+from evolution._src.search.bodies.run import has_bodies
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.assets import SCANNED
 from symbrion_gym._src.environment.config import STARTS

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import evolution as ev
 from evolution._src.backends.cluster import EXACT_BACKENDS
-from evolution._src.body_search.algorithms import describe_success, format_fitness
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.console import Console
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_MODULES
+from evolution._src.search.bodies.algorithms import describe_success, format_fitness
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import find_missing
 from reconstruction._src.base.range_checks import format_count
 
 if TYPE_CHECKING:
-    from evolution._src.body_search.learning import LevelResult
-    from evolution._src.body_search.run import BodyRun
+    from evolution._src.search.bodies.learning import LevelResult
+    from evolution._src.search.bodies.run import BodyRun
 
 PICTURE = "bodies.png"
 """Of the fittest bodies, in the run folder."""
@@ -100,7 +100,7 @@ def resume_run_of_bodies(folder: Path, changes: Mapping[str, Any], console: Cons
 
 def _confirm(run: BodyRun, console: Console) -> BodyRun:
     """Try the fittest bodies again, and return the run with what is known of them then."""
-    from evolution._src.body_search.confirmation import CANDIDATES
+    from evolution._src.search.bodies.confirmation import CANDIDATES
 
     if run.folder is None or run.best is None or run.confirmation is not None:
         return run

@@ -16,7 +16,7 @@ from reconstruction._src.base.range_checks import format_extents
 if TYPE_CHECKING:
     import trimesh
 
-    from reconstruction._src.slip.patches import FrictionEstimate
+    from reconstruction._src.knowledge.slip.patches import FrictionEstimate
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4

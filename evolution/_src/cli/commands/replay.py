@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 import tyro
 
 import evolution as ev
-from evolution._src.body_search.run import has_bodies
 from evolution._src.cli.command import (
     SeededCommand,
     TrustingCommand,
@@ -18,6 +17,7 @@ from evolution._src.cli.command import (
 )
 from evolution._src.cli.commands.evolve import find_replay_arena, require_run
 from evolution._src.cli.console import Console
+from evolution._src.search.bodies.run import has_bodies
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count

@@ -21,8 +21,8 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.changes.free_space import widen
 from reconstruction._src.geometry.rows import find_lengths, sum_rows
+from reconstruction._src.knowledge.changes.free_space import widen
 from reconstruction._src.networks.growing_grid import paper as grid_paper
 from reconstruction._src.networks.growing_grid.growth import (
     Insertion,

@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.changes.free_space import widen
 from reconstruction._src.geometry.rows import sum_rows
+from reconstruction._src.knowledge.changes.free_space import widen
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
 from reconstruction._src.networks.gsrm.completion import MAX_SHARE, PASSES, SAMPLES_PER_UNIT, find_uncovered
 from reconstruction._src.networks.gsrm.growth import Level, grow, make_level

@@ -1,1 +1,0 @@
-"""Environments in the form that other libraries call."""
