@@ -23,7 +23,7 @@ from benchmarks.material.object_depth import make_depth_survey
 from benchmarks.material.object_rooms import MIN_READINGS, RoomScan, RoomSurvey, make_survey
 from benchmarks.report import write_results
 from reconstruction._src.objects.finding import FoundObject
-from reconstruction._src.objects.model import find_angle, make_model
+from reconstruction._src.objects.model import compute_angle, make_model
 
 PARTS = ("sockets", "detectability", "depth", "real")
 HELD_OUT, NUM_SURVEYS = 1000, 20
@@ -159,7 +159,7 @@ def judge(survey: RoomSurvey, found: list[FoundObject], meshes: dict[str, Any]) 
         if is_found:
             symmetries = make_model(each.name, meshes[each.name]).symmetries
             position.append(1000 * min(off))
-            angle.append(float(np.degrees(find_angle(mate.rotation, each.rotation, symmetries))))
+            angle.append(float(np.degrees(compute_angle(mate.rotation, each.rotation, symmetries))))
     return Judged(wanted, len(position), len(left), position, angle)
 
 

@@ -44,11 +44,11 @@ from benchmarks.material.physics_theory import (
     find_slope_limit,
     find_tipping_limit,
 )
-from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate, make_contacts
+from benchmarks.material.physics_wheels import compute_turning_rate, find_step_limit, make_contacts
 from benchmarks.material.physics_worlds import IMPRATIOS, World
 from benchmarks.report import Results
 from symbrion_gym._src.environment.config import CONTACTS
-from symbrion_gym._src.robot.belts import find_load_gain, find_sliding_rate
+from symbrion_gym._src.robot.belts import compute_load_gain, compute_sliding_rate
 
 TRACKS = ("spheres", "wheels", "cylinders")
 STEADY = {"wheel_armature": 0.004}
@@ -198,10 +198,10 @@ def _turn(world: World, speed: float = TURN_SPEED) -> Row:
     def measure(known: float | None = None) -> dict[str, Any]:
         contacts = make_contacts(world.organism, speed)
         points, belts = contacts.points, contacts.belts
-        rate = find_sliding_rate(contacts, find_load_gain(world.friction, IMPRATIOS[world.contact]))
-        even = find_turning_rate(points, np.ones(len(points)), belts)
+        rate = compute_sliding_rate(contacts, compute_load_gain(world.friction, IMPRATIOS[world.contact]))
+        even = compute_turning_rate(points, np.ones(len(points)), belts)
         corners = np.isin(points[:, 0], (points[:, 0].min(), points[:, 0].max()))
-        least = find_turning_rate(points[corners], np.ones(int(corners.sum())), belts[corners])
+        least = compute_turning_rate(points[corners], np.ones(int(corners.sum())), belts[corners])
         return _compare(measure_turning_rate(world, speed) if known is None else known, rate) | {
             "even": even,
             "corners": least,

@@ -24,7 +24,7 @@ from evolution._src.backends.rollout import make_environment_options
 from evolution._src.controllers.policy_network import HOLD, UNITS, PolicyNetwork
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.running import fill_submission
-from evolution._src.suite.submission import Entry, find_score
+from evolution._src.suite.submission import Entry, compute_score
 from evolution._src.suite.tasks import BUDGET, EXAM_SEED, SUITE, SuiteTask, find_suite_task
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
@@ -82,7 +82,7 @@ def train(task: SuiteTask, seed: int, seconds: float = BUDGET) -> Entry:
     genes = extract_weights(model, envs)
     envs.close()
     plan = organism_to_text(organism)
-    scan, truth = (find_score(task, plan, CONTROLLER, genes, in_truth) for in_truth in (False, True))
+    scan, truth = (compute_score(task, plan, CONTROLLER, genes, in_truth) for in_truth in (False, True))
     return Entry(task.name, seed, plan, CONTROLLER, tuple(genes.tolist()), spent, scan, truth)
 
 

@@ -71,7 +71,7 @@ class Solid:
         return is_inside
 
 
-def find_distances(points: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
+def compute_distances(points: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
     """Return the distance of every point from a mesh, `[N]` [m]."""
     import igl
 
@@ -108,20 +108,20 @@ class Judge:
 
     def judge_surface(self, surface: trimesh.Trimesh) -> dict[str, float]:
         """Return the error of a surface against all readings and the truth [m], and the shares of beams."""
-        found = _summarise("points", find_distances(self.case.points, surface))
+        found = _summarise("points", compute_distances(self.case.points, surface))
         if self.case.truth is not None:
-            found |= _summarise("truth", find_distances(self.seen_truth, surface))
+            found |= _summarise("truth", compute_distances(self.seen_truth, surface))
         return found | (self._judge_beams(surface) if self.case.origins is not None else {})
 
     def judge_contact(self, surface: trimesh.Trimesh, solid: Solid) -> dict[str, float]:
         """Return errors of contact against the surface, all readings and the truth [m]; shares from 0 to 1."""
-        distances = find_distances(sample(surface, NUM_SAMPLES), solid.boundary)
+        distances = compute_distances(sample(surface, NUM_SAMPLES), solid.boundary)
         found = _summarise("contact", distances)
         found["uncovered"] = float(np.mean(distances > NEAR))
         readings = _choose(self.case.points, NUM_SAMPLES)
-        found |= _summarise("contact_points", find_distances(readings, solid.boundary))
+        found |= _summarise("contact_points", compute_distances(readings, solid.boundary))
         if self.case.truth is not None:
-            found |= _summarise("contact_truth", find_distances(self.seen_truth, solid.boundary))
+            found |= _summarise("contact_truth", compute_distances(self.seen_truth, solid.boundary))
         if self.case.origins is not None:
             found |= self._judge_beams(solid.casts, solid)
             found["free_space"] = float(solid.is_inside(self.free_space).mean())
@@ -145,7 +145,7 @@ class Judge:
         assert self.case.truth is not None
         points, tree = sample(self.case.truth, 2 * NUM_SAMPLES), cKDTree(self.case.points)
         distance, nearest = tree.query(points)
-        return points[distance < np.maximum(_SEEN, 2 * self._find_spacing(tree, nearest))]
+        return points[distance < np.maximum(_SEEN, 2 * self._compute_spacing(tree, nearest))]
 
     @cached_property
     def free_space(self) -> np.ndarray:
@@ -163,7 +163,7 @@ class Judge:
         tree = cKDTree(self.case.points)
         distance, nearest = tree.query(points)
         # Between sparse readings a beam that grazes the ground is within its noise: the gap there counts as well.
-        return points[distance > np.maximum(NEAR, self._find_spacing(tree, nearest))]
+        return points[distance > np.maximum(NEAR, self._compute_spacing(tree, nearest))]
 
     def _judge_beams(self, mesh: trimesh.Trimesh, solid: Solid | None = None) -> dict[str, float]:
         """Return the share of beams that end within 5 cm of their reading, before it, and beyond.
@@ -190,7 +190,7 @@ class Judge:
         is_long = lengths > NEAR
         return origins[is_long], ends[is_long], lengths[is_long]
 
-    def _find_spacing(self, tree: cKDTree, rows: np.ndarray) -> np.ndarray:
+    def _compute_spacing(self, tree: cKDTree, rows: np.ndarray) -> np.ndarray:
         """Return the distance of readings to their third neighbors [m]."""
         return tree.query(self.case.points[rows], k=4)[0][:, -1]
 

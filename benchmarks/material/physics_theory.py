@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 from benchmarks.material.physics_worlds import GRAVITY
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
-from symbrion_gym._src.robot.tracks import find_driven_wheels, find_wheel_radius
+from symbrion_gym._src.robot.tracks import compute_wheel_radius, find_driven_wheels
 
 _LEVEL = 1e-4
 """Wheels whose lowest points differ in height by less all stand on flat ground [m]."""
@@ -165,7 +165,7 @@ def find_gap_limits(organism: Organism, torques: Sequence[float], is_round: bool
             `find_climbing_friction`).
     """
     scout, chain = organism.scout, make_chain(organism)
-    radius = find_wheel_radius(scout) if is_round else 0.0
+    radius = compute_wheel_radius(scout) if is_round else 0.0
     near, far = radius, radius
     needed: dict[bytes, float] = {}
 

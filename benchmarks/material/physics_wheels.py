@@ -11,7 +11,7 @@ from benchmarks.material.physics_worlds import GRAVITY
 from symbrion_gym._src.robot.belts import Contacts
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import find_wheel_radius
+from symbrion_gym._src.robot.tracks import compute_wheel_radius
 
 _STILL = 1e-6
 """Points that slide more slowly, as a share of the belts' speed, rub with a part of their friction."""
@@ -34,7 +34,7 @@ def find_step_limit(scout: ScoutConfig) -> float:
 
 def _is_balanced(scout: ScoutConfig, feet: Float[np.ndarray, " feet"], climbing: int, height: float) -> bool:
     """Return whether forces balance when a wheel meets the edge and the body leans on one other wheel."""
-    radius, last = find_wheel_radius(scout), len(feet) - 1
+    radius, last = compute_wheel_radius(scout), len(feet) - 1
     other = last - 1 if climbing == last else last
     top = last - 1 if climbing == last else max(climbing - 1, 0)
     tilt = np.arcsin(min(height / (feet[top] - feet[-1]), 1.0)) if climbing else 0.0
@@ -74,7 +74,7 @@ def make_contacts(organism: Organism, speed: float) -> Contacts:
     return Contacts(points, belts, np.repeat(np.arange(count), len(feet)), centers, weights)
 
 
-def find_turning_rate(
+def compute_turning_rate(
     points: Float[np.ndarray, "N 2"], loads: Float[np.ndarray, " N"], belts: Float[np.ndarray, " N"]
 ) -> float:
     """Return the rate at which a body turns whose points of contact all slide with Coulomb friction [rad/s].

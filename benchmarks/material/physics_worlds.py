@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from symbrion_gym._src.robot.organism import Organism, snake
 from symbrion_gym._src.robot.scout_constants import CYLINDER_TRACKS, ScoutConfig
-from symbrion_gym._src.robot.tracks import find_wheel_radius
+from symbrion_gym._src.robot.tracks import compute_wheel_radius
 
 GRAVITY = 9.81
 """[m/s²]."""
@@ -110,7 +110,7 @@ class Bench:
     def drive(self, left: float, right: float | None = None) -> None:
         """Set the surface speed of the tracks [m/s], both alike unless the right is given."""
         speed = np.where(self.left, left, left if right is None else right)
-        rate = speed / find_wheel_radius(self.organism.scout)
+        rate = speed / compute_wheel_radius(self.organism.scout)
         if len(self.wheels):
             self.data.ctrl[self.wheels] = rate
         else:

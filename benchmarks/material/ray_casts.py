@@ -34,7 +34,7 @@ class Pose(NamedTuple):
     rotation: np.ndarray
 
 
-def find_poses(arena: Arena) -> list[Pose]:
+def compute_poses(arena: Arena) -> list[Pose]:
     """Return poses along the course, 0.3 m above ground, looking ahead and 20 degrees down."""
     x = np.linspace(-2.8, 2.0, NUM_POSES)
     sine, cosine = np.sin(_PITCH), np.cos(_PITCH)
@@ -98,7 +98,7 @@ def measure_scans(arenas: dict[str, Arena], exact: str, quick: bool) -> dict[str
         "Embree, exact surface": make_embree_cast(arenas[exact].surface),
     }
     directions = LaserScanner().directions
-    poses = find_poses(arenas[exact])
+    poses = compute_poses(arenas[exact])
     beams = [np.ascontiguousarray(directions @ pose.rotation.T) for pose in poses]
     laps: dict[str, list[float]] = {name: [] for name in casts}
     ranges: dict[str, np.ndarray] = {}
@@ -136,7 +136,7 @@ def _time_finder(arenas: dict[str, Arena], exact: str, rounds: int) -> dict[str,
         body.add_site(name="scanner")
         model = spec.compile()
         finders[name] = model, mujoco.MjData(model), RangeFinder(model, "scanner")
-    for pose in find_poses(arenas[exact]) * rounds:
+    for pose in compute_poses(arenas[exact]) * rounds:
         for name, (model, data, finder) in finders.items():
             data.mocap_pos[0] = pose.origin
             mujoco.mju_mat2Quat(data.mocap_quat[0], pose.rotation.ravel())

@@ -277,9 +277,9 @@ class Reconstruction:
     @cached_property
     def friction(self) -> FrictionEstimate | None:
         """Friction of the ground in patches; None where no robot felt it, or too little of it."""
-        from reconstruction._src.knowledge.slip.patches import find_friction_patches
+        from reconstruction._src.knowledge.slip.patches import estimate_friction_patches
 
-        return None if self.slip is None else find_friction_patches(self.slip)
+        return None if self.slip is None else estimate_friction_patches(self.slip)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as plain arrays (.npz, no pickle), atomically.

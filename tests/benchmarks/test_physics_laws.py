@@ -14,11 +14,11 @@ from benchmarks.material.physics_theory import (
     find_tipping_limit,
     make_chain,
 )
-from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate, make_contacts
+from benchmarks.material.physics_wheels import compute_turning_rate, find_step_limit, make_contacts
 from benchmarks.material.physics_worlds import GRAVITY, Bench, World
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.robot.belts import find_load_gain, find_sliding_rate
+from symbrion_gym._src.robot.belts import compute_load_gain, compute_sliding_rate
 
 FEET = np.array([(x, y) for x in (0.0325, 0.0, -0.0325) for y in (0.0325, -0.0325)])
 
@@ -72,23 +72,25 @@ def test_chain_weighs_what_its_model_weighs() -> None:
 def test_turning_rate_by_hand() -> None:
     belts = np.where(FEET[:, 1] > 0, -0.05, 0.05)
     slip = (8 - np.sqrt(28)) / 6  # of 3 k² - 8 k + 3 = 0, from the balance of moments
-    assert find_turning_rate(FEET, np.ones(6), belts) == pytest.approx(0.05 / ((1 + slip) * 0.0325), rel=1e-4)
+    assert compute_turning_rate(FEET, np.ones(6), belts) == pytest.approx(
+        0.05 / ((1 + slip) * 0.0325), rel=1e-4
+    )
     corners = FEET[:, 0] != 0.0
-    assert find_turning_rate(FEET[corners], np.ones(4), belts[corners]) == pytest.approx(
+    assert compute_turning_rate(FEET[corners], np.ones(4), belts[corners]) == pytest.approx(
         0.05 / 0.065, rel=1e-3
     )
 
 
 def test_turning_rate_follows_the_speed_and_no_load() -> None:
     belts = np.where(FEET[:, 1] > 0, -0.05, 0.05)
-    rate = find_turning_rate(FEET, np.ones(6), belts)
-    assert find_turning_rate(FEET, np.full(6, 7.0), 2 * belts) == pytest.approx(2 * rate, rel=1e-4)
+    rate = compute_turning_rate(FEET, np.ones(6), belts)
+    assert compute_turning_rate(FEET, np.full(6, 7.0), 2 * belts) == pytest.approx(2 * rate, rel=1e-4)
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.01])
 def test_a_lone_module_turns_as_the_law_of_the_contacts_says(speed: float) -> None:
     world = World(contact="elliptic")
-    theory = find_sliding_rate(make_contacts(world.organism, speed), find_load_gain(0.7, impratio=10.0))
+    theory = compute_sliding_rate(make_contacts(world.organism, speed), compute_load_gain(0.7, impratio=10.0))
     assert measure_turning_rate(world, speed, seconds=2.0) == pytest.approx(theory, rel=0.02)
 
 

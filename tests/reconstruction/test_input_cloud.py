@@ -13,7 +13,7 @@ from reconstruction._src.input_cloud import join_clouds, make_cloud, make_cloud_
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.reconstruction import Reconstruction
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.surfaces.quality import find_distances
+from reconstruction._src.surfaces.quality import compute_distances
 
 UTM = np.array([365_000.0, 5_800_000.0, 40.0])
 ABOVE = np.array([0.0, 0.0, 2.0])
@@ -54,7 +54,7 @@ def test_coordinates_far_away_are_recentered_and_come_back():
     moved = far.mesh.vertices + far.offset - UTM
     np.testing.assert_allclose(far.points + far.offset, points + UTM, atol=1e-8)
     np.testing.assert_allclose(far.viewpoints + far.offset, [UTM + ABOVE])
-    assert find_distances(moved, near.mesh.vertices, near.mesh.faces).max() < 0.1
+    assert compute_distances(moved, near.mesh.vertices, near.mesh.faces).max() < 0.1
     truth = trimesh.Trimesh(moved + UTM, far.mesh.faces, process=False)
     assert far.quality(truth=truth).truth_to_mesh.max < 1e-6
     again = far.refine(points[:500] + UTM + [0, 0, 0.3])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import reconstruction as rc
-from reconstruction._src.surfaces.quality import find_distances
+from reconstruction._src.surfaces.quality import compute_distances
 
 NOISE = 0.004
 METHODS = pytest.mark.parametrize("method", ["gsrm", "gg"])
@@ -38,7 +38,7 @@ def clear_of_box(points: np.ndarray) -> np.ndarray:
 
 def distance(points: np.ndarray, surface: rc.Reconstruction) -> np.ndarray:
     mesh = surface.mesh
-    return find_distances(points, np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    return compute_distances(points, np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
 @pytest.fixture(scope="module")

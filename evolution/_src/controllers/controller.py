@@ -157,7 +157,9 @@ class LawController:
         xp = find_namespace(observation)
         sensed = {name: xp.asarray(observation[:, structure[name]], dtype=float) for name in names}
         sensed["hinge_angle"] = sensed["hinge_angle"][:, : len(self.joints.own)]
-        sensed["inclination_ahead"] = self.joints.find_inclination_ahead(sensed["pitch"], sensed.get("roll"))
+        sensed["inclination_ahead"] = self.joints.compute_inclination_ahead(
+            sensed["pitch"], sensed.get("roll")
+        )
         ticks = (state.ticks_since_contact + 1) * (sensed["contact"] <= 0)
         sensed["airborne"] = (ticks > self.config.contact_timeout).astype(float)
         sensed["recent_contact"] = (ticks <= self.config.max_airborne_ticks).astype(float)

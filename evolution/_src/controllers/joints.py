@@ -85,7 +85,7 @@ class Joints:
     order: tuple[int, ...]
     steps: Float[np.ndarray, " n"]
 
-    def find_inclination_ahead(
+    def compute_inclination_ahead(
         self, pitch: Float[Any, "P n"], roll: Float[Any, "P n"] | None
     ) -> Float[Any, "P h"]:
         """Return the inclination of the module ahead of each hinge [rad]."""
@@ -96,7 +96,7 @@ class Joints:
 def find_joints(organism: Organism) -> Joints:
     """Return how the hinges of an organism lie in its tree."""
     parents, order = organism.parents, organism.order[1:]
-    poses, pitch = organism.find_poses(), organism.scout.pitch
+    poses, pitch = organism.compute_poses(), organism.scout.pitch
     fronts = {
         module: (other, other_side)
         for docking in organism.dockings
@@ -223,13 +223,13 @@ class Drive:
         speed = xp.clip(1.0 + genes[:, :1], -1.0, 1.0)
         if not self.can_turn:
             return speed * self.ahead
-        toward_goal = xp.clip(genes[:, 2:3] * find_bearing(observation, structure), -1.0, 1.0)
+        toward_goal = xp.clip(genes[:, 2:3] * compute_bearing(observation, structure), -1.0, 1.0)
         turn = xp.clip(genes[:, 1:2] + toward_goal, -1.0, 1.0)
         speed = speed * (1.0 - xp.abs(toward_goal))
         return xp.clip(speed * self.ahead + turn * self.lever, -1.0, 1.0)
 
 
-def find_bearing(observation: Float[Any, "P O"], structure: Structure) -> Float[Any, "P 1"]:
+def compute_bearing(observation: Float[Any, "P O"], structure: Structure) -> Float[Any, "P 1"]:
     """Return the bearing of the goal, positive to the left [rad]; 0 where the observation lacks it."""
     if GOAL_SENSOR not in structure:
         return find_namespace(observation).zeros((len(observation), 1))
@@ -253,7 +253,7 @@ def make_drive(organism: Organism, num_tracks: int, bound: float) -> Drive:
         )
     if num_tracks <= 1:
         return Drive(np.ones(num_tracks), np.zeros(num_tracks), bound)
-    poses = organism.find_poses()
+    poses = organism.compute_poses()
     middle_x, middle_y = (np.mean([getattr(pose, axis) for pose in poses]) for axis in ("x", "y"))
     offsets = (0.0,) if num_tracks == count else (TRACK_OFFSET, -TRACK_OFFSET)
     ahead, lever = [], []

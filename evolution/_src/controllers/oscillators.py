@@ -36,7 +36,7 @@ from evolution._src.controllers.joints import (
     Drive,
     Joints,
     add_to_column,
-    find_bearing,
+    compute_bearing,
     find_namespace,
 )
 from evolution._src.controllers.protocol import Structure
@@ -163,16 +163,18 @@ class OscillatorController:
         genes = xp.broadcast_to(genotype, (len(observation), len(self.parameters)))
         gene = {name: genes[:, index : index + 1] for index, name in enumerate(self.parameters)}
         amplitude, offset, lag = (self._spread(gene, name) for name in KIND_GENES)
-        amplitude = amplitude * self._find_stroke(gene, observation, structure)
+        amplitude = amplitude * self._compute_stroke(gene, observation, structure)
         touches = xp.asarray(observation[:, structure["contact"]], dtype=float)[:, self.joints.own] > 0
         state = self._step(state, gene, amplitude, lag, touches)
         target = offset + state.amplitude * xp.cos(state.phase)
-        target = (target + self._find_reflex(gene, observation, structure)) / self.hinge_range
+        target = (target + self._compute_reflex(gene, observation, structure)) / self.hinge_range
         tracks = self.drive.act(genes[:, : len(self.drive.parameters)], observation, structure)
-        twists = self._find_twists(gene, state)
+        twists = self._compute_twists(gene, state)
         return xp.concatenate((xp.clip(target, -1.0, 1.0), xp.clip(twists, -1.0, 1.0), tracks), axis=1), state
 
-    def _find_twists(self, gene: dict[str, Float[Any, "P 1"]], state: OscillatorState) -> Float[Any, "P t"]:
+    def _compute_twists(
+        self, gene: dict[str, Float[Any, "P 1"]], state: OscillatorState
+    ) -> Float[Any, "P t"]:
         """Return the targets of the rotations of arms, as a share of their range."""
         xp = find_namespace(state.phase)
         if not self.joints.num_twists:
@@ -187,7 +189,7 @@ class OscillatorController:
         xp = find_namespace(gene["log2_frequency"])
         return xp.concatenate(columns, axis=1) if columns else xp.zeros((len(gene["log2_frequency"]), 0))
 
-    def _find_stroke(
+    def _compute_stroke(
         self,
         gene: dict[str, Float[Any, "P 1"]],
         observation: Float[Any, "P O"],
@@ -196,10 +198,10 @@ class OscillatorController:
         """Return the factor on the amplitudes: smaller on the side to which the body turns."""
         if not self.can_steer:
             return find_namespace(observation).ones((1, 1))
-        turn = gene["side_bias"] + gene["side_steering"] * find_bearing(observation, structure)
+        turn = gene["side_bias"] + gene["side_steering"] * compute_bearing(observation, structure)
         return 1.0 - find_namespace(turn).clip(turn, -1.0, 1.0) * self.joints.side
 
-    def _find_reflex(
+    def _compute_reflex(
         self,
         gene: dict[str, Float[Any, "P 1"]],
         observation: Float[Any, "P O"],
@@ -213,7 +215,7 @@ class OscillatorController:
             for name in ("pitch", "roll")
         )
         assert pitch is not None
-        ahead = self.joints.find_inclination_ahead(pitch, roll if self.joints.has_rolls else None)
+        ahead = self.joints.compute_inclination_ahead(pitch, roll if self.joints.has_rolls else None)
         return gene["pitch_ahead"] * ahead + gene["pitch_behind"] * pitch[:, self.joints.own]
 
     def _step(

@@ -41,7 +41,7 @@ from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.cache import CACHE_VARIABLE
 from reconstruction._src.base.typed_json import JsonError, read_json
-from reconstruction._src.surfaces.quality import find_distances
+from reconstruction._src.surfaces.quality import compute_distances
 from symbrion_gym._src.contact.quality import measure_arena
 from symbrion_gym._src.ready_made import SPACING
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner
@@ -249,7 +249,7 @@ def measure_cloud(folder: Path, seed: int, progress: rc.Progress = rc.silent) ->
     steps = []
     for name, cloud in stages.items():
         inside = cloud if log.box is None else rc.crop(cloud, log.box)
-        distances = find_distances(inside, truth.vertices, truth.faces)
+        distances = compute_distances(inside, truth.vertices, truth.faces)
         p95 = float(np.percentile(distances, 95))
         steps.append({"step": name, "readings": len(cloud), "mean": float(distances.mean()), "p95": p95})
     assert log.truth is not None

@@ -13,9 +13,9 @@ from evolution._src.errors import RunError
 from evolution._src.report.figures import draw_bodies, to_png
 from evolution._src.report.page import Card, Page
 from evolution._src.search.bodies.algorithms import (
+    compute_effort_weight,
     describe_success,
     explain_fitness,
-    find_effort_weight,
     format_fitness,
 )
 from evolution._src.search.bodies.learning import LevelResult
@@ -129,7 +129,7 @@ def _make_card(run: BodyRun, result: LevelResult, film: bytes | None, is_champio
             found = run.confirmation.champion
             rate = f"{found.successes} of {found.trials} fresh trials"
     fitness = format_fitness(run, result.fitness)
-    work = format_energy(result.effort / find_effort_weight(run.config))
+    work = format_energy(result.effort / compute_effort_weight(run.config))
     text = (
         f"{format_count(body.num_modules, 'module')}; work of the hinges {work}, as a mean over trials.\n"
         f"Exam: {exam} succeeded, {fitness}; it learned in {result.seconds:.0f} s of robot time in its last level.\n"

@@ -53,7 +53,7 @@ def encode_png(pixels: UInt8[np.ndarray, "H W 3"], dpi: float = DPI, is_reduced:
     return buffer.getvalue()
 
 
-def find_width(png: bytes) -> int:
+def compute_width(png: bytes) -> int:
     """Return the width at which a page shows an image [pixel]; a chart has more pixels, for sharp text."""
     image = Image.open(io.BytesIO(png))
     return round(image.width * DPI / image.info.get("dpi", (DPI, DPI))[0])
@@ -340,7 +340,7 @@ def draw_bodies(bodies: Sequence[BodyGenome], labels: Sequence[str], columns: in
     columns = min(columns, max(len(bodies), 1))
     rows = ceil(max(len(bodies), 1) / columns)
     figure = Figure(figsize=(_CELL[0] * columns, _CELL[1] * rows), dpi=DPI, layout="constrained")
-    span = max([_LEAST_SPAN, *(_find_span(body) for body in bodies)])
+    span = max([_LEAST_SPAN, *(_compute_span(body) for body in bodies)])
     for index, (body, label) in enumerate(zip(bodies, labels, strict=True)):
         axes = figure.add_subplot(rows, columns, index + 1)
         _draw_body(axes, body, span)
@@ -348,10 +348,10 @@ def draw_bodies(bodies: Sequence[BodyGenome], labels: Sequence[str], columns: in
     return figure
 
 
-def _find_span(body: BodyGenome) -> float:
+def _compute_span(body: BodyGenome) -> float:
     """Return the longer edge of a body [m], with a margin."""
     organism = body.to_organism()
-    poses = organism.find_poses()
+    poses = organism.compute_poses()
     sides = [[getattr(pose, axis) for pose in poses] for axis in ("x", "y")]
     return max(max(side) - min(side) for side in sides) + 1.6 * organism.scout.size[0]
 
@@ -360,7 +360,7 @@ def _draw_body(axes: Axes, body: BodyGenome, span: float) -> None:
     """Draw modules as squares, each with a line to the dock of its arm."""
     organism = body.to_organism()
     half, reach = organism.scout.size[0] / 2, organism.scout.arm_reach
-    poses = organism.find_poses()
+    poses = organism.compute_poses()
     for module, pose in enumerate(poses):
         c, s = cos(pose.heading), sin(pose.heading)
 

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from evolution._src.report.figures import find_width, to_png
+from evolution._src.report.figures import compute_width, to_png
 from evolution._src.report.scene import Scene, get_plotly_script
 from reconstruction._src.base.atomic_write import write_atomically
 
@@ -81,7 +81,7 @@ class Page:
     def add_figure(self, picture: bytes | Figure, caption: str) -> None:
         """Add a figure, or a PNG image, with a caption."""
         png = _as_png(picture)
-        shown = {"source": _inline(png, "image/png"), "width": find_width(png)}
+        shown = {"source": _inline(png, "image/png"), "width": compute_width(png)}
         self._blocks.append({"kind": "figure", **shown, "caption": caption})
 
     def add_gallery(self, pictures: Mapping[str, bytes | Figure], caption: str) -> None:

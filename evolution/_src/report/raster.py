@@ -136,7 +136,7 @@ def _draw(
     steps = np.arange(size)
     columns, rows = low[:, 0, None, None] + steps, low[:, 1, None, None] + steps[:, None]
     x, y = columns + 0.5, rows + 0.5
-    shares = _find_shares(corners, x, y)
+    shares = _compute_shares(corners, x, y)
     is_inside = (shares >= -_EDGE).all(axis=0) & (columns < width) & (rows < len(face) // width)
     triangle, row, column = np.nonzero(is_inside)
     at = shares[:, triangle, row, column]
@@ -151,7 +151,7 @@ def _draw(
     height[pixel[is_nearer]] = level[is_nearer]
 
 
-def _find_shares(
+def _compute_shares(
     corners: Float[np.ndarray, "T 3 3"], x: Float[np.ndarray, "T _ _"], y: Float[np.ndarray, "T _ _"]
 ) -> Float[np.ndarray, "3 T S S"]:
     """Return barycentric coordinates of pixels."""

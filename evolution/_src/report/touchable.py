@@ -7,7 +7,7 @@ import trimesh
 from jaxtyping import Float, Int
 
 import symbrion_gym as sg
-from symbrion_gym._src.contact.inside import find_depths, find_nearest, join_meshes
+from symbrion_gym._src.contact.inside import compute_depths, find_nearest, join_meshes
 
 _PARTS = 80
 """Contact is cut into parts this small, relative to the arena, before those behind the surface are left out."""
@@ -32,11 +32,13 @@ def find_touchable(arena: sg.Arena) -> tuple[Float[np.ndarray, "F 3 3"], Int[np.
     triangles, labels = np.asarray(parts[0])[faces], labels[origin]
     nearest = find_nearest(triangles.mean(axis=1), arena.surface)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    is_front = (nearest.heights > _IN_FRONT) | (_find_cosines(normals, nearest.normals) > _ALIKE)
-    is_front &= find_depths(triangles.mean(axis=1), arena.pieces) < _HIDDEN
+    is_front = (nearest.heights > _IN_FRONT) | (_compute_cosines(normals, nearest.normals) > _ALIKE)
+    is_front &= compute_depths(triangles.mean(axis=1), arena.pieces) < _HIDDEN
     return triangles[is_front], labels[is_front]
 
 
-def _find_cosines(one: Float[np.ndarray, "F 3"], other: Float[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
+def _compute_cosines(
+    one: Float[np.ndarray, "F 3"], other: Float[np.ndarray, "F 3"]
+) -> Float[np.ndarray, " F"]:
     lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
     return (one * other).sum(axis=1) / np.maximum(lengths, np.finfo(float).tiny)

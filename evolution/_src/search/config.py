@@ -21,7 +21,7 @@ from evolution._src.references import (
 )
 from evolution._src.search.stored_config import (
     check_text_fields,
-    find_digest,
+    compute_digest,
     read_content,
     restore,
     to_json,
@@ -142,7 +142,7 @@ class EvolutionConfig(TrialConfig, BodyConfig):
 
     def digest(self) -> str:
         """Return a fingerprint of all that decides the results of a run."""
-        return find_digest(self, RUNTIME_FIELDS)
+        return compute_digest(self, RUNTIME_FIELDS)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain JSON content.

@@ -314,7 +314,7 @@ class _Evolution:
             remaining = [
                 (index, genotype)
                 for index, genotype in remaining
-                if _find_success_rate(tried, index) >= validation.continue_share
+                if _compute_success_rate(tried, index) >= validation.continue_share
             ]
         return tried
 
@@ -332,6 +332,6 @@ class _Evolution:
         )
 
 
-def _find_success_rate(entries: Sequence[Entry], index: int) -> float:
+def _compute_success_rate(entries: Sequence[Entry], index: int) -> float:
     flags = [succeeded for entry in entries if entry.index == index for succeeded in entry.outcome.succeeded]
     return sum(flags) / len(flags)

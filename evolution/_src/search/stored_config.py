@@ -49,7 +49,7 @@ def to_json(config: EpisodeConfig) -> dict[str, Any]:
     return json.loads(to_text(content | {"environment": dict(config.environment)}))
 
 
-def find_digest(config: EpisodeConfig, left_out: Collection[str]) -> str:
+def compute_digest(config: EpisodeConfig, left_out: Collection[str]) -> str:
     """Return a fingerprint of all fields but some."""
     content = to_json(config) | {"start": config.find_start()}
     content = {name: value for name, value in content.items() if name not in left_out}

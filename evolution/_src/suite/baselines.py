@@ -21,7 +21,7 @@ from evolution._src.search.bodies.learning import LearningConfig, LevelResult
 from evolution._src.search.bodies.record import BodyRecord
 from evolution._src.search.bodies.variation import BodyLimits, make_random_body
 from evolution._src.search.cmaes import Space, Strategy
-from evolution._src.suite.submission import SCORING, Entry, find_score
+from evolution._src.suite.submission import SCORING, Entry, compute_score
 from evolution._src.suite.tasks import BUDGET, EXAM_SEED, LARGEST, SuiteTask, find_arena
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.robot.body_plans import organism_to_text
@@ -221,7 +221,7 @@ def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget
     assert found is not None
     plan = organism_to_text(found.body)
     scan, truth = (
-        find_score(task, plan, CONTROLLER, found.genotype, in_truth, backend) for in_truth in (False, True)
+        compute_score(task, plan, CONTROLLER, found.genotype, in_truth, backend) for in_truth in (False, True)
     )
     genes = tuple(float(gene) for gene in found.genotype)
     return Entry(task.name, seed, plan, CONTROLLER, genes, practice.seconds, scan, truth)

@@ -12,7 +12,7 @@ from evolution._src.errors import RunError
 from evolution._src.references import check_allowed
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.baselines import find_method, run_baseline
-from evolution._src.suite.submission import Entry, Score, Submission, find_score, load_submission
+from evolution._src.suite.submission import Entry, Score, Submission, compute_score, load_submission
 from evolution._src.suite.tasks import BUDGET, SUITE, SuiteTask, find_suite_task
 from reconstruction._src.base.progress import Progress, silent
 
@@ -129,7 +129,7 @@ def verify(
         progress(entry.task, number / len(entries))
         task = find_suite_task(entry.task)
         scan, truth = (
-            find_score(task, entry.body, entry.controller, entry.genotype, in_truth)
+            compute_score(task, entry.body, entry.controller, entry.genotype, in_truth)
             for in_truth in (False, True)
         )
         checks.append(Check(entry, scan, truth))

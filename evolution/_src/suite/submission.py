@@ -140,7 +140,7 @@ def check_entry(entry: Entry) -> None:
         raise RunError(f"{entry.task}: {entry.seconds:.0f} s were spent, of a budget of {BUDGET:.0f} s")
 
 
-def find_score(
+def compute_score(
     task: SuiteTask, body: Any, controller: str, genotype: Any, in_truth: bool, backend: Backend | None = None
 ) -> Score:
     """Return the score of a genotype; equal genotypes have equal scores."""

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from reconstruction._src.geometry.outlines import find_hull_outline
+from reconstruction._src.geometry.outlines import compute_hull_outline
 from reconstruction._src.geometry.rows import make_hull
 
 STEEP = 0.34
@@ -34,7 +34,7 @@ _DIGITS = 6
 """Corners are rounded to 1 µm, so that one where many planes meet is one."""
 
 
-def find_halfspaces(piece: trimesh.Trimesh) -> Float[np.ndarray, "H 4"]:
+def compute_halfspaces(piece: trimesh.Trimesh) -> Float[np.ndarray, "H 4"]:
     """Return the half-spaces of a convex solid: inside is a x + b y + c z + d <= 0; large faces first."""
     hull = ConvexHull(np.asarray(piece.vertices, dtype=np.float64))
     corners = hull.points[hull.simplices]
@@ -89,7 +89,7 @@ def make_prism(
     return solid if solid is not None and solid.volume > _LEAST_VOLUME else None
 
 
-def find_tops(
+def compute_tops(
     halfspaces: Float[np.ndarray, "H 4"], points: Float[np.ndarray, "N 2"]
 ) -> Float[np.ndarray, " N"]:
     """Return the height of a solid's top at points (x, y) [m]; -inf outside of it in plan."""
@@ -165,7 +165,7 @@ def find_box(piece: trimesh.Trimesh) -> Box | None:
 
 def find_smallest_rectangle(points: Float[np.ndarray, "N 2"], trimmed: float) -> Rectangle | None:
     """Return the smallest rectangle around points along an edge of their hull; None where they lie on a line."""
-    outline = find_hull_outline(points)
+    outline = compute_hull_outline(points)
     if outline is None:
         return None
     best, least = None, np.inf

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Float64, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
-from reconstruction._src.geometry.rows import find_lengths, sum_by_owner, sum_rows
+from reconstruction._src.geometry.rows import compute_lengths, sum_by_owner, sum_rows
 
 FOLD_COSINE = 0.5
 """Cosine of the angle that two faces at an edge enclose at least, 60 degrees: the sharpest wedge that a network of
@@ -82,7 +82,7 @@ def find_hinges(faces: Int[np.ndarray, "F 3"], sides: Sides) -> Hinges:
     return Hinges(slots // 3, slots % 3, tails[:, 0] != tails[:, 1])
 
 
-def find_normals(
+def compute_normals(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float64[np.ndarray, "F 3"]:
     """Return the faces' unit normals, zero for faces without area."""
@@ -91,11 +91,11 @@ def find_normals(
     return np.asarray(igl.per_face_normals(vertices, faces, np.zeros(3)))
 
 
-def find_vertex_normals(
+def compute_vertex_normals(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float[np.ndarray, "V 3"]:
     """Return the sum of the unit normals of the faces around every vertex, not normalized."""
-    normals = find_normals(vertices, faces)
+    normals = compute_normals(vertices, faces)
     return sum_by_owner(faces.ravel(), np.repeat(normals, 3, axis=0), len(vertices))
 
 
@@ -134,10 +134,10 @@ def find_folds(
     tail, head = vertices[left[row, right]], vertices[left[row, (right + 1) % 3]]
     apexes = [vertices[faces[hinges.faces[:, k], (hinges.sides[:, k] + 2) % 3]] - tail for k in range(2)]
     along = head - tail
-    along /= np.maximum(find_lengths(along)[..., None], _SHORTEST)
+    along /= np.maximum(compute_lengths(along)[..., None], _SHORTEST)
     first, second = (apex - (apex * along).sum(axis=1, keepdims=True) * along for apex in apexes)
     cosine = sum_rows(first * second)
-    cosine /= np.maximum(find_lengths(first) * find_lengths(second), _SHORTEST)
+    cosine /= np.maximum(compute_lengths(first) * compute_lengths(second), _SHORTEST)
     return _pick_worse(hinges.faces[cosine > fold_cosine], quality)
 
 
@@ -231,7 +231,7 @@ def orient_faces(
     if hinges.is_consistent.all():
         return faces, np.empty(0, dtype=np.int64)
     num_faces = len(faces)
-    normals = find_normals(vertices, faces)
+    normals = compute_normals(vertices, faces)
     cosine = np.abs(sum_rows(normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]]))
     graph = coo_array((1 + _TIE_BREAK - cosine, tuple(hinges.faces.T)), shape=(num_faces, num_faces)).tocsr()
     tree = minimum_spanning_tree(graph).tocoo()
@@ -245,7 +245,7 @@ def orient_faces(
     forest = coo_array((np.ones(ends.shape[1]), ends), shape=(size, size)).tocsr()
     _, parent = breadth_first_order(forest, num_faces, directed=False)
     parent[num_faces] = num_faces
-    sign = _find_relative_signs(faces, hinges, parent)
+    sign = _compute_relative_signs(faces, hinges, parent)
     while True:
         above = parent[parent]
         if (above == parent).all():
@@ -258,7 +258,7 @@ def orient_faces(
     return wound, _pick_worse(hinges.faces[is_contradicted], quality)
 
 
-def _find_relative_signs(
+def _compute_relative_signs(
     faces: Int[np.ndarray, "F 3"], hinges: Hinges, parent: Int[np.ndarray, " F+1"]
 ) -> Int[np.ndarray, " F+1"]:
     """Return -1 where a face is wound against its parent in the tree, else 1."""

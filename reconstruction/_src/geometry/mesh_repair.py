@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.outlines import drop_rim_slivers
-from reconstruction._src.geometry.rows import find_areas
+from reconstruction._src.geometry.rows import compute_areas
 
 _SAME_PLACE = 1e-6
 """Vertices closer than this, relative to the extent, are one: the resolution of single precision."""
@@ -250,7 +250,7 @@ def _wind(
     turn, part = _spread_signs(first, second, np.where(agrees, 1.0, -1.0), len(faces))
     faces = np.where(turn[:, None] < 0, faces[:, ::-1], faces)
     if keeps_winding:
-        is_turned = np.bincount(part, turn * find_areas(vertices, faces)) < 0
+        is_turned = np.bincount(part, turn * compute_areas(vertices, faces)) < 0
         return np.where(is_turned[part][:, None], faces[:, ::-1], faces)
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2

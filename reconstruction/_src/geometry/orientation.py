@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, maxi
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import find_ends, find_hinges, group_sides
-from reconstruction._src.geometry.rows import cross_rows, find_areas, find_lengths, sum_rows
+from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows, sum_rows
 from reconstruction._src.geometry.sampling import count_votes
 
 CUT_COST = 1.0
@@ -56,8 +56,8 @@ def _find_reversed(
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     left, right = hinges.faces.T
     tails, heads = find_ends(faces, 3 * left + hinges.sides[:, 0])
-    cost = cut_cost * find_lengths(vertices[heads] - vertices[tails]) ** 2
-    gain = shares * find_areas(vertices, faces)
+    cost = cut_cost * compute_lengths(vertices[heads] - vertices[tails]) ** 2
+    gain = shares * compute_areas(vertices, faces)
     source, sink = len(faces), len(faces) + 1
     front, back = np.flatnonzero(gain > 0), np.flatnonzero(gain < 0)
     rows = np.concatenate([left, right, np.full(len(front), source), back])
@@ -120,14 +120,14 @@ def orient_outwards(
     corners = vertices[faces]
     cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     middle = corners.mean(axis=1)
-    part = find_components(faces, len(vertices))
+    part = compute_components(faces, len(vertices))
     count = part.max() + 1
-    area = np.bincount(part, find_lengths(cross), count)
+    area = np.bincount(part, compute_lengths(cross), count)
     total = np.stack([np.bincount(part, cross[:, axis], count) for axis in range(3)], axis=1)
     center = np.stack([np.bincount(part, middle[:, axis], count) for axis in range(3)], axis=1)
     center /= np.bincount(part, minlength=count)[:, None]
     outwards = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
-    is_sheet = find_lengths(total) > open_share * area
+    is_sheet = compute_lengths(total) > open_share * area
     if viewpoint is None:
         forth = np.where(is_sheet, total[:, 2], outwards)
     else:
@@ -147,7 +147,7 @@ def looks_down_below(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, 
     """
     corners = vertices[faces]
     cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area, height = find_lengths(cross), corners[:, :, 2].mean(axis=1)
+    area, height = compute_lengths(cross), corners[:, :, 2].mean(axis=1)
     is_level = np.abs(cross[:, 2]) > _LEVEL * area
     if not is_level.any():
         return False
@@ -204,8 +204,8 @@ def orient_to_viewpoints(
     turned = orient_outwards(vertices, faces, viewpoints)
     votes, weights = count_votes(vertices, turned, points, viewpoints, seen_from)
     shares = votes / np.where(weights > 0, weights, 1.0)
-    area = np.where(weights > 0, find_areas(vertices, turned), 0.0)
-    part = find_components(turned, len(vertices))
+    area = np.where(weights > 0, compute_areas(vertices, turned), 0.0)
+    part = compute_components(turned, len(vertices))
     is_turned = (np.bincount(part, area * shares) < 0)[part]
     turned = np.where(is_turned[:, None], turned[:, ::-1], turned)
     shares = np.where(is_turned, -shares, shares)
@@ -215,7 +215,7 @@ def orient_to_viewpoints(
     return mesh, float(area[agrees].sum() / area.sum()) if area.any() else 1.0
 
 
-def find_components(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, " F"]:
+def compute_components(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, " F"]:
     """Return the component of every face, numbered from 0 in the order of their first faces.
 
     libigl's `facet_components` returns the same in five times the time.

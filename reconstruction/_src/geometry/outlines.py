@@ -18,7 +18,7 @@ def find_outline(mesh: trimesh.Trimesh, bounds: Float[np.ndarray, "B 3"]) -> Flo
     triangles = np.asarray(mesh.triangles)[:, :, :2]
     for a, b, c in bounds:
         triangles = _cut_triangles(triangles, np.array([a, b]), c)
-    return find_hull_outline(triangles.reshape(-1, 2))
+    return compute_hull_outline(triangles.reshape(-1, 2))
 
 
 def _cut_triangles(
@@ -42,7 +42,7 @@ def _cut_triangles(
     return np.concatenate([whole, np.repeat(np.concatenate(corners)[:, None], 3, axis=1)])
 
 
-def find_hull_outline(points: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "P 2"] | None:
+def compute_hull_outline(points: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "P 2"] | None:
     """Return the convex hull of points, counter-clockwise, of few corners; None without an area."""
     if len(points) < 3:
         return None
@@ -65,7 +65,7 @@ def measure_area(polygon: Float[np.ndarray, "P 2"]) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def find_bounds(outline: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, "P 3"]:
+def compute_bounds(outline: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, "P 3"]:
     """Return the lines (a, b, c) of a convex, counter-clockwise outline; inside is a x + b y <= c."""
     side = np.roll(outline, -1, axis=0) - outline
     normal = np.stack([side[:, 1], -side[:, 0]], axis=1)
@@ -75,7 +75,7 @@ def find_bounds(outline: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, "P 3"]:
 
 def is_within(outline: Float[np.ndarray, "P 2"], points: Float[np.ndarray, "N 2"]) -> Bool[np.ndarray, " N"]:
     """Return which points lie in a convex, counter-clockwise outline."""
-    bounds = find_bounds(outline)
+    bounds = compute_bounds(outline)
     return np.all(points @ bounds[:, :2].T <= bounds[:, 2], axis=1)
 
 
@@ -100,7 +100,7 @@ def drop_rim_slivers(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Int[np.ndarray, "G 3"]:
     """Return the faces without slivers at the rim, which bridge ground that no vertex stands for."""
-    lengths = _find_lengths(vertices, faces)
+    lengths = _compute_lengths(vertices, faces)
     longest = _LONGEST * float(np.median(lengths)) if len(faces) else 0.0
     for _ in range(_ROUNDS):
         is_sliver = _find_slivers(vertices, faces, longest)
@@ -110,7 +110,7 @@ def drop_rim_slivers(
     return faces
 
 
-def _find_lengths(
+def _compute_lengths(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float[np.ndarray, "F 3"]:
     """Return the length of the edge opposite of every corner [m]."""
@@ -121,7 +121,7 @@ def _find_lengths(
 def _find_slivers(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], longest: float
 ) -> Bool[np.ndarray, " F"]:
-    lengths = _find_lengths(vertices, faces)
+    lengths = _compute_lengths(vertices, faces)
     rows, corner = np.arange(len(faces)), lengths.argmax(axis=1)
     long = lengths[rows, corner]
     others = np.sort(lengths, axis=1)[:, :2]
@@ -135,10 +135,12 @@ def _find_slivers(
     unique, count = np.unique(edges, axis=0, return_counts=True)
     rim = {(int(a), int(b)) for a, b in unique[count == 1]}
     is_rim = np.array([pair in rim for pair in map(tuple, ends.tolist())], dtype=bool)
-    return is_low & is_rim & (_find_bends(vertices, faces) > np.radians(_MIN_BEND_DEG))
+    return is_low & is_rim & (_compute_bends(vertices, faces) > np.radians(_MIN_BEND_DEG))
 
 
-def _find_bends(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
+def _compute_bends(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, " F"]:
     """Return the largest angle of each face with a neighbor [rad]."""
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)

@@ -108,7 +108,7 @@ def compose_planar(pose: Float[Array, " 3"], step: Float[Array, " 3"]) -> Float[
     return np.append(transform_planar(step[None, :2], pose)[0], pose[2] + step[2])
 
 
-def find_planar_step(first: Float[Array, " 3"], second: Float[Array, " 3"]) -> Float[Array, " 3"]:
+def compute_planar_step(first: Float[Array, " 3"], second: Float[Array, " 3"]) -> Float[Array, " 3"]:
     """Return the step from one planar pose to another, in the frame of the first: the inverse of `compose_planar`."""
     c, s = np.cos(first[2]), np.sin(first[2])
     d = second - first

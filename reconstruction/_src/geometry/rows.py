@@ -31,7 +31,7 @@ def any_rows(rows: Bool[np.ndarray, "*rows k"]) -> Bool[np.ndarray, "*rows"]:
     return _join(np.logical_or, rows)
 
 
-def find_lengths(vectors: Num[np.ndarray, "*rows k"]) -> Float[np.ndarray, "*rows"]:
+def compute_lengths(vectors: Num[np.ndarray, "*rows k"]) -> Float[np.ndarray, "*rows"]:
     """Return the lengths of vectors."""
     return np.sqrt(sum_rows(vectors**2))
 
@@ -51,13 +51,15 @@ def sum_rows(rows: Num[np.ndarray, "*rows k"]) -> Num[np.ndarray, "*rows"]:
     return _join(np.add, rows)
 
 
-def find_areas(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
+def compute_areas(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, " F"]:
     """Return the areas of faces [m²]."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return find_lengths(cross_rows(b - a, c - a)) / 2
+    return compute_lengths(cross_rows(b - a, c - a)) / 2
 
 
-def find_extent(
+def compute_extent(
     points: Num[np.ndarray, "N d"],
 ) -> tuple[Num[np.ndarray, " d"], Num[np.ndarray, " d"]]:
     """Return the lowest and the highest coordinates of at least one point."""
@@ -96,7 +98,7 @@ def find_near_box(
     points: Float[np.ndarray, "N 3"], others: Float[np.ndarray, "M 3"], margin: float
 ) -> Int[np.ndarray, " K"]:
     """Return the points in the box around others, widened by a margin: ascending indices."""
-    low, high = find_extent(others)
+    low, high = compute_extent(others)
     return find_inside(points, low - margin, high + margin)
 
 

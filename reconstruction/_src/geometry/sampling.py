@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import cross_rows, find_areas, find_lengths, sum_rows
+from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows, sum_rows
 
 if TYPE_CHECKING:
     import trimesh
@@ -27,7 +27,7 @@ def sample_area(
 ) -> Float[np.ndarray, "{num_samples} 3"]:
     """Return points spread evenly over the area of the faces: one in each of `num_samples` shares of the area."""
     rng = np.random.default_rng(rng)
-    areas = find_areas(vertices, faces)
+    areas = compute_areas(vertices, faces)
     place = (np.arange(num_samples) + rng.random(num_samples)) / num_samples * areas.sum()
     face = np.minimum(np.searchsorted(np.cumsum(areas), place), len(faces) - 1)
     root, split = np.sqrt(rng.random((num_samples, 1))), rng.random((num_samples, 1))
@@ -130,10 +130,10 @@ def count_votes(
     squared, nearest = np.asarray(found[0]), np.asarray(found[1])
     corners = vertices[faces]
     normal = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(find_lengths(normal), 1e-300)[:, None]
-    longest = find_lengths(corners - np.roll(corners, 1, axis=1)).max(axis=1)
+    normal /= np.maximum(compute_lengths(normal), 1e-300)[:, None]
+    longest = compute_lengths(corners - np.roll(corners, 1, axis=1)).max(axis=1)
     direction = viewpoints[seen_from] - points
-    direction /= np.maximum(find_lengths(direction), 1e-300)[:, None]
+    direction /= np.maximum(compute_lengths(direction), 1e-300)[:, None]
     vote = sum_rows(direction * normal[nearest])
     vote[(np.abs(vote) < MIN_COSINE) | (squared > (REACH * longest[nearest]) ** 2)] = 0.0
     votes = np.bincount(nearest, vote, minlength=len(faces))
@@ -165,7 +165,7 @@ def find_visible(
 ) -> Bool[np.ndarray, " N"]:
     """Return which points no other one hides from a viewpoint, by a depth map; at least one point."""
     offset = points - viewpoint
-    depth = find_lengths(offset)
+    depth = compute_lengths(offset)
     direction = _find_directions(offset, depth, DEPTH_CELLS[0])
     for width in DEPTH_CELLS[1:]:
         counts = np.bincount(direction)

@@ -44,7 +44,7 @@ class FitConfig:
         check_all_positive(self)
 
 
-def find_chunk(num_samples: int) -> int:
+def compute_chunk(num_samples: int) -> int:
     """Return how many samples to treat at once, a divisor of their number."""
     wanted = _CPU_CHUNK if jax.default_backend() == "cpu" else _GPU_CHUNK
     while wanted > 1 and num_samples % wanted:
@@ -84,7 +84,7 @@ def _sum_moments(
     order: Int[jax.Array, " N"] | None,
 ) -> Float[jax.Array, "V 10"]:
     """Sum the samples' residuals to the surface at the vertices; arguments as of `fit_once`."""
-    residual, corner, barycentric, along, weight = _find_residuals(
+    residual, corner, barycentric, along, weight = _compute_residuals(
         vertices, ring, samples, winners, weights, config.reach, chunk, order
     )
     capped = jnp.minimum(along, MAX_RESIDUAL)
@@ -106,7 +106,7 @@ def _sum_moments(
     return jax.lax.scan(accumulate, start, (residual, corner, barycentric, weight))[0]
 
 
-def _find_residuals(
+def _compute_residuals(
     vertices: Float[jax.Array, "V 3"],
     ring: Int[jax.Array, "V D 2"],
     samples: Float[jax.Array, "N 3"],

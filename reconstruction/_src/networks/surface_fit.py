@@ -11,8 +11,8 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 
-from reconstruction._src.geometry.rows import find_lengths
-from reconstruction._src.networks.least_squares import FitConfig, find_chunk, fit_once
+from reconstruction._src.geometry.rows import compute_lengths
+from reconstruction._src.networks.least_squares import FitConfig, compute_chunk, fit_once
 from reconstruction._src.networks.som.compilation import half_octave_length, pad_rows, padded_length
 from reconstruction._src.networks.som.winners import find_winners
 
@@ -74,7 +74,7 @@ def fit_surface(
         weights,
         np.int32(iterations),
         config=config,
-        chunk=find_chunk(num_samples),
+        chunk=compute_chunk(num_samples),
     )
     step = np.asarray(moved - scaled)[: len(vertices)]
     return vertices + step.astype(np.float64) * scale
@@ -83,7 +83,7 @@ def fit_surface(
 def mean_edge_length(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> float:
     """Return the mean length of the faces' sides."""
     corners = vertices[faces]
-    return float(find_lengths(corners - np.roll(corners, 1, axis=1)).mean())
+    return float(compute_lengths(corners - np.roll(corners, 1, axis=1)).mean())
 
 
 def make_ring(

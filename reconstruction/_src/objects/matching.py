@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.objects.model import SAMPLING, ObjectModel, find_angle
+from reconstruction._src.objects.model import SAMPLING, ObjectModel, compute_angle
 
 _SAME_PLACE, _SAME_ANGLE = 0.25, np.radians(20.0)
 """Poses nearer than this share of the radius, and this angle, are one hypothesis."""
@@ -66,7 +66,7 @@ def _is_same(first: np.ndarray, second: np.ndarray, model: ObjectModel) -> bool:
     away = np.linalg.norm((first - second)[:3] @ np.append(model.center, 1.0))
     if away > _SAME_PLACE * model.radius:
         return False
-    return find_angle(first[:3, :3], second[:3, :3], model.symmetries) < _SAME_ANGLE
+    return compute_angle(first[:3, :3], second[:3, :3], model.symmetries) < _SAME_ANGLE
 
 
 _REACHES = (0.4, 0.3, 0.2, 0.15, 0.1, 0.1, 0.07, 0.07)

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.range_checks import check_positive
 from reconstruction._src.geometry.mesh_repair import simplify
-from reconstruction._src.geometry.rows import cross_rows, find_areas, find_lengths
+from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows
 from reconstruction._src.geometry.sampling import sample_area
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ _ROUND_STEPS = 36
 """A body of revolution is taken as one with this many equal positions."""
 
 
-def find_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "S 3 3"]:
+def compute_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "S 3 3"]:
     """Return the rotations about a center that map a mesh onto itself, the identity first.
 
     Tried are rotations by full fractions of a turn about the axes x, y, z and the axes of inertia;
@@ -118,7 +118,7 @@ def make_turn(axis: Float[np.ndarray, " 3"], angle: float) -> Float[np.ndarray, 
     return Rotation.from_rotvec(angle * np.asarray(axis) / np.linalg.norm(axis)).as_matrix()
 
 
-def find_angle(
+def compute_angle(
     first: Float[np.ndarray, "3 3"],
     second: Float[np.ndarray, "3 3"],
     symmetries: Float[np.ndarray, "S 3 3"] | None = None,
@@ -269,11 +269,11 @@ def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:
     full_vertices, full_faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
     vertices, faces = simplify(full_vertices, full_faces, min(MAX_FACES, len(full_faces)))
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
-    normals = _find_normals(vertices, faces)
+    normals = _compute_normals(vertices, faces)
     points = sample_area(vertices, faces, NUM_SAMPLES, 0)
-    center = np.average(vertices[faces].mean(axis=1), axis=0, weights=find_areas(vertices, faces))
+    center = np.average(vertices[faces].mean(axis=1), axis=0, weights=compute_areas(vertices, faces))
     sides = np.sort(high - low)
-    radius = float(find_lengths(vertices - center).max())
+    radius = float(compute_lengths(vertices - center).max())
     return ObjectModel(
         name,
         vertices,
@@ -284,17 +284,17 @@ def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:
         center,
         radius,
         make_nearest_faces(vertices, faces, radius),
-        find_spread(points),
+        compute_spread(points),
         float(sides[1] * sides[2]),
-        list_turns(_find_axes(points)),
-        find_symmetries(mesh, center),
+        list_turns(_compute_axes(points)),
+        compute_symmetries(mesh, center),
     )
 
 
-def _find_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _compute_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     corners = vertices[faces]
     normals = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return normals / np.maximum(find_lengths(normals), 1e-300)[:, None]
+    return normals / np.maximum(compute_lengths(normals), 1e-300)[:, None]
 
 
 def _find_nearest_faces(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -303,13 +303,13 @@ def _find_nearest_faces(points: np.ndarray, vertices: np.ndarray, faces: np.ndar
     return np.asarray(igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)[1])
 
 
-def find_spread(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 3"]:
+def compute_spread(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 3"]:
     """Return the standard deviations of points along their principal axes, the smallest first [m]."""
     offset = points - points.mean(axis=0)
     return np.sqrt(np.maximum(np.linalg.eigvalsh(offset.T @ offset / len(points)), 0.0))
 
 
-def _find_axes(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"]:
+def _compute_axes(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"]:
     """Return the principal axes of points, as columns of a rotation."""
     offset = points - points.mean(axis=0)
     axes = np.linalg.eigh(offset.T @ offset)[1]

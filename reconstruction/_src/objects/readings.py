@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.input_cloud import make_cloud
-from reconstruction._src.objects.model import SPACING, ObjectModel, find_spread
+from reconstruction._src.objects.model import SPACING, ObjectModel, compute_spread
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import make_log_cloud
 from reconstruction._src.scans.scan import ScanLog
@@ -122,7 +122,7 @@ def _may_hold(points: np.ndarray, region: Region, model: ObjectModel) -> bool:
     """Return whether what is near the center is no thinner than half the object, as edges and flat sides are."""
     near = points[region.rows]
     near = near[np.linalg.norm(near - region.center, axis=1) <= model.radius]
-    return len(near) >= 12 and bool((find_spread(near) >= _MIN_SPREAD * model.spread).all())
+    return len(near) >= 12 and bool((compute_spread(near) >= _MIN_SPREAD * model.spread).all())
 
 
 def _cover(points: np.ndarray, rows: np.ndarray, tree: cKDTree, radius: float) -> list[Region]:

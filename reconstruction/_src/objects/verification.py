@@ -205,7 +205,7 @@ def verify_by_distance(
 
     allowed = config.tolerance * noise + _POSE_ERROR
     local = (points - pose[:3, 3]) @ pose[:3, :3]
-    away = _find_distances(model, local)
+    away = _compute_distances(model, local)
     agrees = away <= allowed
     against = int(((away > allowed) & (away <= MARGIN) & ~is_background).sum())
     num_beams = int(agrees.sum())
@@ -250,12 +250,12 @@ def _find_beside(
     rows = np.flatnonzero(is_asked & (np.linalg.norm(local - model.center, axis=1) < find_reach(model)))
     beside = np.zeros(len(ends), dtype=bool)
     if len(rows):
-        away = _find_distances(model, local[rows])
+        away = _compute_distances(model, local[rows])
         beside[rows] = (away > allowed) & (away <= MARGIN)
     return beside
 
 
-def _find_distances(model: ObjectModel, points: np.ndarray) -> np.ndarray:
+def _compute_distances(model: ObjectModel, points: np.ndarray) -> np.ndarray:
     import igl
 
     found = igl.point_mesh_squared_distance(np.ascontiguousarray(points), model.vertices, model.faces)

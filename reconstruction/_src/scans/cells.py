@@ -111,7 +111,7 @@ def thin(points: ArrayLike, voxel: float) -> Float[np.ndarray, "M 3"]:
         raise ScanError(f"voxel must be above 0, got {voxel}")
     if not len(points):
         return points
-    keys = find_cell_keys(points, voxel)
+    keys = compute_cell_keys(points, voxel)
     _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return np.stack([np.bincount(index.ravel(), points[:, k]) / counts for k in range(3)], axis=1)
 
@@ -185,7 +185,7 @@ def _count_in_cells(
     return counts
 
 
-def find_cell_keys(points: Float[np.ndarray, "N 3"], cell: float) -> Int[np.ndarray, " N"]:
+def compute_cell_keys(points: Float[np.ndarray, "N 3"], cell: float) -> Int[np.ndarray, " N"]:
     """Return a number for each point, that of its cell."""
     place = np.floor((points - points.min(axis=0)) / cell)
     size = place.max(axis=0) + 1

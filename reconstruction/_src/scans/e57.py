@@ -104,7 +104,7 @@ def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> _Sc
     rotation, translation, is_identity = pose
     is_ordered = {*_GRID} <= {*fields}
     is_trusted = not is_identity or (is_alone and is_ordered and is_plausible_origin(points))
-    is_usable = _find_usable(values[:, -1] if state else None, points)
+    is_usable = _select_usable(values[:, -1] if state else None, points)
     colors = values[is_usable, 3:6] if has_colors else None
     return _Scan(
         points[is_usable] @ rotation.T + translation,
@@ -114,7 +114,7 @@ def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> _Sc
     )
 
 
-def _find_usable(
+def _select_usable(
     state: Float[np.ndarray, " N"] | None, points: Float[np.ndarray, "N 3"]
 ) -> Bool[np.ndarray, " N"]:
     return np.ones(len(points), bool) if state is None else state == 0

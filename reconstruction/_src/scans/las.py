@@ -60,7 +60,7 @@ def read_las(file: BoundedFile) -> RawPoints:
         colors = np.empty((count, 3), np.uint16) if has_colors else None
         num_read = num_kept = 0
         for chunk in reader.chunk_iterator(_CHUNK):
-            chosen = _find_usable(chunk)
+            chosen = _select_usable(chunk)
             num_read, start, num_kept = num_read + len(chosen), num_kept, num_kept + int(chosen.sum())
             for axis, name in enumerate("xyz"):
                 points[start:num_kept, axis] = np.asarray(chunk[name])[chosen]
@@ -104,7 +104,7 @@ def _check_counts(file: BoundedFile) -> None:
     file.stream.seek(0)
 
 
-def _find_usable(chunk: Any) -> Bool[np.ndarray, " N"]:
+def _select_usable(chunk: Any) -> Bool[np.ndarray, " N"]:
     """Return which points are neither withheld nor noise."""
     is_usable = ~np.isin(np.asarray(chunk["classification"]), _NOISE_CLASSES)
     return is_usable & ~np.asarray(chunk["withheld"]).astype(bool)

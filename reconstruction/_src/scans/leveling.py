@@ -47,7 +47,7 @@ _HEIGHT_WINDOW = 5
 
 @dataclass(frozen=True)
 class LevelingConfig:
-    """How the floor is found in a scan (`find_declination`).
+    """How the floor is found in a scan (`estimate_declination`).
 
     Attributes:
         max_tilt: largest declination looked for [rad]; less than a ramp. None: several times the sway of the robot,
@@ -79,14 +79,14 @@ def level_floor(
 ) -> ScanLog:
     """Turn every vertical scan so that its floor is level: ``T <- T_robot R(n, -delta) T_mount``.
 
-    delta is the declination of the floor's line in the scan (`find_declination`), n the normal of the scan plane.
+    delta is the declination of the floor's line in the scan (`estimate_declination`), n the normal of the scan plane.
     The rotation is about the robot's foot, where it touches the ground, so a sensor on a mast moves sideways as
     it did; a log without `mount` is rotated about the sensor.
 
     This finds the tilt within the scan plane, and on a level floor nothing else: tilted across the plane by p, the
     scan meets the same floor in the same line, at the same ranges. What is h above the floor, it shows h sin(p)
     off its position across the plane. Where a horizontal scanner localizes the robot, its sway gives p
-    approximately (`reconstruction._src.scans.localization.find_pitch`); the rest stays.
+    approximately (`reconstruction._src.scans.localization.estimate_pitch`); the rest stays.
 
     Args:
         log: scans; those that are not vertical, or show no floor, are left as they are.
@@ -104,7 +104,7 @@ def level_floor(
         config = replace(config, max_tilt=max_tilt)
     if tolerance is not None:
         config = replace(config, tolerance=tolerance)
-    turn = find_tilt(log, config)
+    turn = compute_tilt(log, config)
     return log.replace(poses=log.poses @ np.linalg.inv(log.mount) @ turn @ log.mount)
 
 
@@ -121,16 +121,16 @@ def _find_max_tilt(shake: float) -> float:
     return float(np.clip(_SHAKES * shake, *_TILTS))
 
 
-def find_tilt(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, "S 4 4"]:
+def compute_tilt(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, "S 4 4"]:
     """Find the robot's tilt in the plane of every scan: ``R(n, -delta)`` of `level_floor`."""
-    angle = find_declination(log, config)
+    angle = estimate_declination(log, config)
     turn = np.tile(np.eye(4), (len(angle), 1, 1))
     if angle.any():
         turn[:, :3, :3] = rotate_about(np.cross(*_plane_axes(log.mount)), -angle)
     return turn
 
 
-def find_declination(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, " S"]:
+def estimate_declination(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, " S"]:
     """Find the declination of the floor's line in every scan [rad]; 0 where no floor is seen.
 
     With (u, v) the position of a reading to the side of the robot's foot and above it, the floor is the line
@@ -209,11 +209,11 @@ def _plane_coordinates(log: ScanLog) -> tuple[Float[np.ndarray, "S B"], Float[np
     offset = axes @ log.mount[:3, 3]
     u, v = log.ranges * rows[0] + offset[0], log.ranges * rows[1] + offset[1]
     if not np.any(log.mount[:3, 3]):
-        v = v - _find_floor_height(v)
+        v = v - _estimate_floor_height(v)
     return u, v
 
 
-def _find_floor_height(heights: Float[np.ndarray, "S B"]) -> float:
+def _estimate_floor_height(heights: Float[np.ndarray, "S B"]) -> float:
     """Return the height of most readings below the sensor, or the lowest one with nearly as many."""
     bin_width = _HEIGHT_BIN
     low = heights[heights < 0]

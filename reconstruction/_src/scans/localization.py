@@ -10,7 +10,7 @@ from jaxtyping import Float
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.pose import make_pose, to_planar, transform_planar
-from reconstruction._src.scans.leveling import LevelingConfig, find_declination, find_tilt, use_priors
+from reconstruction._src.scans.leveling import LevelingConfig, compute_tilt, estimate_declination, use_priors
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog
 from reconstruction._src.scans.scan_matching import (
     fuse_odometry,
@@ -52,7 +52,7 @@ class LocalizationConfig:
         if self.slip is not None and not self.slip >= 0:
             raise ScanError(f"slip must not be negative, got {self.slip}; None estimates it")
 
-    def find_sway(self, height: float) -> float:
+    def compute_sway(self, height: float) -> float:
         """Return the standard deviation of the position of a scanner at this height, matching error included [m]."""
         vibration = UNKNOWN_SHAKE if self.vibration is None else self.vibration
         return float(np.hypot(vibration * height, _MATCH_ERROR))
@@ -68,7 +68,7 @@ def localize(
     """Return the log with poses from scan matching, and with its errors reported where the truth is known.
 
     Four degrees of freedom are found: x, y and yaw of the robot's foot, and its pitch, approximately (see
-    `find_pitch`). Leveling finds a fifth, see `level_floor`; the foot stands on the ground.
+    `estimate_pitch`). Leveling finds a fifth, see `level_floor`; the foot stands on the ground.
 
     Args:
         log: with horizontal scans.
@@ -89,12 +89,12 @@ def localize(
     ground = (log.poses @ np.linalg.inv(log.mount))[:, 2, 3]
     place = log.horizontal.mount[:3, 3]
     if config.vibration is None:
-        config = replace(config, vibration=_find_vibration(log, config))
-    sway = (find_tilt(log, config.leveling)[:, :3, :3] @ place - place)[:, :2]
+        config = replace(config, vibration=_estimate_vibration(log, config))
+    sway = (compute_tilt(log, config.leveling)[:, :3, :3] @ place - place)[:, :2]
     matched = match_to_map(log.horizontal, sway, progress)
     height = float(place[2])
-    planar = fuse_odometry(matched, log.horizontal.odometry, config.find_sway(height), config.slip)
-    pitch = find_pitch(matched, planar, height, config)
+    planar = fuse_odometry(matched, log.horizontal.odometry, config.compute_sway(height), config.slip)
+    pitch = estimate_pitch(matched, planar, height, config)
     planar = _move_to_start(planar, log.horizontal.start)
     robot = make_pose(*planar.T, pitch=pitch)
     robot[:, 2, 3] = ground
@@ -113,9 +113,9 @@ def _use_priors(config: LocalizationConfig, priors: NoisePriors | None) -> Local
     return replace(config, slip=slip, leveling=leveling, vibration=vibration)
 
 
-def _find_vibration(log: ScanLog, config: LocalizationConfig) -> float:
+def _estimate_vibration(log: ScanLog, config: LocalizationConfig) -> float:
     """Return the sway of the robot [rad], estimated from the floor that its scans show."""
-    return max(estimate_shake(find_declination(log, config.leveling)), _LEAST_VIBRATION)
+    return max(estimate_shake(estimate_declination(log, config.leveling)), _LEAST_VIBRATION)
 
 
 def measure_localization(
@@ -146,11 +146,11 @@ def match_scans(
     """
     config = config or LocalizationConfig()
     planar = match_to_map(scans, sway, progress)
-    sigma = None if config.vibration is None else config.find_sway(float(scans.mount[2, 3]))
+    sigma = None if config.vibration is None else config.compute_sway(float(scans.mount[2, 3]))
     return _move_to_start(fuse_odometry(planar, scans.odometry, sigma, config.slip), scans.start)
 
 
-def find_pitch(
+def estimate_pitch(
     matched: Float[np.ndarray, "S 3"],
     planar: Float[np.ndarray, "S 3"],
     height: float,
@@ -170,7 +170,7 @@ def find_pitch(
         return np.zeros(len(planar))
     ahead = np.stack([np.cos(planar[:, 2]), np.sin(planar[:, 2])], axis=1)
     lead = ((matched - planar)[:, :2] * ahead).sum(axis=1)
-    sway = float(np.std(lead)) if config.vibration is None else config.find_sway(height)
+    sway = float(np.std(lead)) if config.vibration is None else config.compute_sway(height)
     share = sway**2 / (sway**2 + _MATCH_ERROR**2)
     return np.arcsin(np.clip(share * lead / height, -_MAX_PITCH, _MAX_PITCH))
 

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import find_lengths, sum_rows
+from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 from reconstruction._src.scans.scan import ScanLog
 
 
@@ -96,7 +96,7 @@ _CLUTTER_HEIGHT = 1e-3
 some only: less than any jump."""
 _MAX_GAP = 0.10
 """A mixed reading stays where no other is left within this [m], and it lies with its neighbors on a surface
-(`find_needed_beams`): walls far away, or at a low angle, step as edges do. As `step`: what is read less densely
+(`select_needed_beams`): walls far away, or at a low angle, step as edges do. As `step`: what is read less densely
 has such steps on any slanted surface."""
 _FLAT_NEIGHBORS = 10
 """Neighbors that show whether it lies on one."""
@@ -134,7 +134,7 @@ def find_mixed_beams(
     is_veil = np.zeros(ranges.shape, bool)
     rising, falling = difference > step, difference < -step
     is_veil[:, 1:-1] = (rising[:, 1:] & rising[:, :-1]) | (falling[:, 1:] & falling[:, :-1])
-    height = _find_jump_heights(ranges, bridged, difference)
+    height = _compute_jump_heights(ranges, bridged, difference)
     around = uniform_filter1d(
         (is_veil | (height > 0)).astype(np.float32), _CLUTTER_WINDOW, axis=1, mode="constant"
     )
@@ -148,7 +148,7 @@ def find_mixed_beams(
     return (is_veil | (height > 0)) & is_valid
 
 
-def find_needed_beams(log: ScanLog, is_mixed: Bool[np.ndarray, "S B"]) -> Bool[np.ndarray, "S B"]:
+def select_needed_beams(log: ScanLog, is_mixed: Bool[np.ndarray, "S B"]) -> Bool[np.ndarray, "S B"]:
     """Return which mixed readings stay: without them a sparsely read surface would have a hole.
 
     A far wall, or one at a low angle, has steps between neighboring beams that look like veil points in a single
@@ -165,12 +165,12 @@ def find_needed_beams(log: ScanLog, is_mixed: Bool[np.ndarray, "S B"]) -> Bool[n
     chosen = chosen[gap > _MAX_GAP]
     found = find_flat(points, chosen, _FLAT_NEIGHBORS, _FLATNESS, _MAX_LONELINESS)
     ray = points[chosen] - log.poses[place[chosen] // is_mixed.shape[1], :3, 3]
-    cosine = np.abs(sum_rows(found.normals * ray)) / np.maximum(find_lengths(ray), 1e-300)
+    cosine = np.abs(sum_rows(found.normals * ray)) / np.maximum(compute_lengths(ray), 1e-300)
     is_needed.ravel()[place[chosen[found.is_flat & (cosine > _MIN_COSINE)]]] = True
     return is_needed
 
 
-def _find_jump_heights(
+def _compute_jump_heights(
     ranges: Float[np.ndarray, "S B"],
     bridged: Float[np.ndarray, "S B"],
     difference: Float[np.ndarray, "S B-1"],
@@ -218,7 +218,7 @@ def find_jumps(
     step = np.diff(1.0 / ranges, axis=1)
     num_steps = step.shape[1]
     padded = np.pad(step, ((0, 0), (2, 2)), constant_values=np.nan)
-    a, b, c, d = (_find_distance(step, padded[:, k : k + num_steps]) for k in (0, 1, 3, 4))
+    a, b, c, d = (_compute_distance(step, padded[:, k : k + num_steps]) for k in (0, 1, 3, 4))
     second = np.maximum(np.minimum(a, b), np.minimum(c, d))
     np.minimum(second, np.maximum(a, b), out=second)
     np.minimum(second, np.maximum(c, d), out=second)
@@ -238,7 +238,7 @@ def _bridge_gaps(ranges: Float[np.ndarray, "S B"]) -> Float[np.ndarray, "S B"]:
     return bridged
 
 
-def _find_distance(
+def _compute_distance(
     step: Float[np.ndarray, "S D"], other: Float[np.ndarray, "S D"]
 ) -> Float[np.ndarray, "S D"]:
     """Return the distance between two steps; infinite where there is none."""

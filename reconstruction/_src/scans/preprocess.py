@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.rows import find_lengths
+from reconstruction._src.geometry.rows import compute_lengths
 from reconstruction._src.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import make_log_cloud
-from reconstruction._src.scans.leveling import LevelingConfig, find_declination, level_floor
-from reconstruction._src.scans.mixed_pixels import find_mixed_beams, find_needed_beams
+from reconstruction._src.scans.leveling import LevelingConfig, estimate_declination, level_floor
+from reconstruction._src.scans.mixed_pixels import find_mixed_beams, select_needed_beams
 from reconstruction._src.scans.scan import ScanLog
 from reconstruction._src.scans.selection import crop as crop_cloud
 from reconstruction._src.scans.smoothing import SmoothingConfig, smooth_ranges
@@ -24,7 +24,7 @@ from reconstruction._src.scans.smoothing import SmoothingConfig, smooth_ranges
 __all__ = [
     "PreprocessConfig",
     "crop",
-    "find_declination",
+    "estimate_declination",
     "level_floor",
     "preprocess",
     "remove_mixed_pixels",
@@ -139,7 +139,7 @@ def clean_log(
     progress("filtering", 0.3)
     is_mixed = find_mixed_beams(log.ranges, log.angles)
     if keep_sparse:
-        is_mixed &= ~find_needed_beams(log, is_mixed)
+        is_mixed &= ~select_needed_beams(log, is_mixed)
     progress("smoothing", 0.6)
     log = log.replace(ranges=np.where(is_mixed, np.nan, log.ranges))
     return smooth_ranges(log, across_jumps=across_jumps, config=config.smoothing)
@@ -237,7 +237,7 @@ def measure_dropped(readings: Cloud, points: Float[np.ndarray, "N 3"]) -> Droppe
     origins = readings.origins
     if origins is None:
         return Dropped(float(is_dropped.mean()), ())
-    ranges = find_lengths(readings.points[chosen] - origins[chosen])
+    ranges = compute_lengths(readings.points[chosen] - origins[chosen])
     steps = np.ceil(np.log2(np.maximum(ranges / NEAREST, 1.0))).astype(np.int64)
     by_range = []
     for step in np.unique(steps):
@@ -264,7 +264,7 @@ def find_dropped(
 def preprocess_cloud(source: ScanLog | Cloud, config: PreprocessConfig | None = None) -> Cloud:
     """Level, filter and smooth a log, or filter a cloud; return the points that are left as a cloud.
 
-    Of a log these are the points of `preprocess`, and those that sparsely read surfaces need (`find_needed_beams`): far
+    Of a log these are the points of `preprocess`, and those that sparse surfaces need (`select_needed_beams`): far
     walls, and walls at a low angle. The arenas of this project are made with `preprocess`.
 
     Args:

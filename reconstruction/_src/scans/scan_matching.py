@@ -14,7 +14,7 @@ from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.pose import (
     compose_planar,
-    find_planar_step,
+    compute_planar_step,
     make_pose,
     rotate_planar,
     to_planar,
@@ -108,7 +108,7 @@ def match_to_map(
     num_scans = len(scans.ranges)
     if not num_scans:
         return np.empty((0, 3))
-    points = _find_wall_points(scans)
+    points = _select_wall_points(scans)
     noise_factor = max(1.0, find_noise(scans.ranges) / _LINE_NOISE)
     planar = _follow(scans, points, noise_factor, progress)
     keys = list(range(0, num_scans, max(1, num_scans // _MAX_KEYS)))
@@ -134,7 +134,7 @@ def _follow(
     planar, keys = np.tile(scans.start, (num_scans, 1)), [0]
     target = _make_map(points, planar, keys, noise_factor)
     for i in range(1, num_scans):
-        step = find_planar_step(scans.odometry[i - 1], scans.odometry[i])
+        step = compute_planar_step(scans.odometry[i - 1], scans.odometry[i])
         guess = compose_planar(planar[i - 1], step)
         planar[i] = _align(target, points[i], guess, _FIRST_REACH)
         gone = planar[i] - planar[keys[-1]]
@@ -146,7 +146,7 @@ def _follow(
     return planar
 
 
-def _find_wall_points(scans: HorizontalScans) -> list[np.ndarray]:
+def _select_wall_points(scans: HorizontalScans) -> list[np.ndarray]:
     """Return end points `[N, 2]` in the robot's plane, scan by scan, without those at edges."""
     is_jump = find_jumps(scans.ranges, _JUMP, _JUMP_PER_METER)
     jumps = np.pad(is_jump, ((0, 0), (1, 1)), constant_values=True)
@@ -235,7 +235,7 @@ def _align(
         translation_epsilon=_TRANSLATION_TOLERANCE,
         max_iterations=_MAX_ITERATIONS,
     )
-    step = find_planar_step(guess, to_planar(result.T_target_source[None])[0])
+    step = compute_planar_step(guess, to_planar(result.T_target_source[None])[0])
     step[2] = (step[2] + np.pi) % (2 * np.pi) - np.pi
     information = result.H[np.ix_(_PLANAR, _PLANAR)] / _READING_NOISE**2
     step = np.linalg.solve(information + _GUESS_INFORMATION, information @ step)
@@ -276,16 +276,16 @@ def fuse_odometry(
     if len(planar) < 3:
         return planar
     step, turn = np.diff(odometry[:, :2], axis=0), np.diff(odometry[:, 2])
-    turn *= _find_scale(planar[:, 2:], turn[:, None])
+    turn *= _estimate_scale(planar[:, 2:], turn[:, None])
     way = np.hypot(*step.T) + _TURN_WAY * np.abs(turn)
-    turn_slip, _ = _find_slip(planar[:, 2] - planar[0, 2] - _add_up(turn), way, slip)
+    turn_slip, _ = _estimate_slip(planar[:, 2] - planar[0, 2] - _add_up(turn), way, slip)
     variance = turn_slip**2 * way + _MIN_VARIANCE
     yaw = _smooth_track(planar[:, 2:], turn[:, None], _YAW_NOISE**2 / variance)[:, 0]
     step = rotate_planar(step, yaw[:-1] - odometry[:-1, 2])
-    step *= _find_scale(planar[:, :2], step)
+    step *= _estimate_scale(planar[:, :2], step)
     middle = yaw[:-1] + turn / 2
     ahead = ((np.diff(planar[:, :2], axis=0) - step) * np.c_[np.cos(middle), np.sin(middle)]).sum(axis=1)
-    slip, found = _find_slip(_add_up(ahead), way, slip)
+    slip, found = _estimate_slip(_add_up(ahead), way, slip)
     variance = slip**2 * way + _MIN_VARIANCE
     sway = sway if sway is not None else found if np.isfinite(found) else _UNKNOWN_SWAY
     return np.c_[_smooth_track(planar[:, :2], step, sway**2 / variance), yaw]
@@ -296,7 +296,7 @@ def _add_up(steps: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N+1"]:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _find_slip(
+def _estimate_slip(
     error: Float[np.ndarray, " S"], way: Float[np.ndarray, " S-1"], given: float | None
 ) -> tuple[float, float]:
     """Return the slip that is given, else estimated, and the estimated error that does not grow with the way."""
@@ -304,7 +304,7 @@ def _find_slip(
     return (slip if given is None else given), rest
 
 
-def _find_scale(measured: Float[np.ndarray, "S D"], steps: Float[np.ndarray, "S-1 D"]) -> float:
+def _estimate_scale(measured: Float[np.ndarray, "S D"], steps: Float[np.ndarray, "S-1 D"]) -> float:
     """Return the true way where the wheels count 1, by least squares over stretches of the track."""
     window = _CALIBRATION_WINDOW
     counted = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])

@@ -72,13 +72,13 @@ def thin(points: Cloud | ArrayLike, voxel: float) -> Cloud | np.ndarray:
     if not points.num_points:
         return points
     _, index, counts = np.unique(
-        cells.find_cell_keys(points.points, voxel), return_inverse=True, return_counts=True
+        cells.compute_cell_keys(points.points, voxel), return_inverse=True, return_counts=True
     )
     index = index.ravel()
     colors, seen_from = points.colors, points.seen_from
     return points.replace(
-        points=_find_means(points.points, index, counts),
-        colors=None if colors is None else np.round(_find_means(colors, index, counts)).astype(np.uint8),
+        points=_compute_means(points.points, index, counts),
+        colors=None if colors is None else np.round(_compute_means(colors, index, counts)).astype(np.uint8),
         seen_from=None if seen_from is None else _find_most_frequent(seen_from, index),
     )
 
@@ -104,7 +104,7 @@ def find_crop_box(points: ArrayLike | Cloud) -> Float[np.ndarray, "2 3"]:
         extent = float(np.ptp(inside, axis=0).max())
         if not extent:
             break
-        is_chosen, cell = _find_large_parts(inside, extent)
+        is_chosen, cell = _select_large_parts(inside, extent)
         chosen = inside[is_chosen]
         if not len(chosen):
             break
@@ -115,7 +115,7 @@ def find_crop_box(points: ArrayLike | Cloud) -> Float[np.ndarray, "2 3"]:
     return np.stack([inside.min(axis=0), inside.max(axis=0)])
 
 
-def _find_large_parts(
+def _select_large_parts(
     points: Float[np.ndarray, "N 3"], extent: float
 ) -> tuple[Bool[np.ndarray, " N"], float]:
     """Return which points lie in parts of touching cells that hold a share of all points, and the cells' edge."""
@@ -157,7 +157,7 @@ def _find_inside(
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
-def _find_means(
+def _compute_means(
     values: np.ndarray, index: Int[np.ndarray, " N"], counts: Int[np.ndarray, " M"]
 ) -> Float[np.ndarray, "M 3"]:
     return np.stack([np.bincount(index, values[:, k]) / counts for k in range(3)], axis=1)

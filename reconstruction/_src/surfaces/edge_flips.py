@@ -14,12 +14,12 @@ from jaxtyping import Bool, Float, Int
 from reconstruction._src.geometry.manifold import (
     Hinges,
     Sides,
+    compute_normals,
     find_hinges,
-    find_normals,
     group_sides,
     is_in_sorted,
 )
-from reconstruction._src.geometry.rows import all_corners, any_corner, cross_rows, find_lengths, sum_rows
+from reconstruction._src.geometry.rows import all_corners, any_corner, compute_lengths, cross_rows, sum_rows
 
 _SHORTEST = 1e-300
 """Divided by instead of 0: the normal of a face without area is 0."""
@@ -66,7 +66,7 @@ def _flip_once(
     """Flip edges of which no two touch the same face, those first that gain most."""
     sides = group_sides(faces, len(vertices))
     hinges = find_hinges(faces, sides)
-    normals = find_normals(vertices, faces)
+    normals = compute_normals(vertices, faces)
     steep = np.flatnonzero(all_corners(is_open, hinges.faces))
     steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > _MIN_ANGLE]
     candidates = Hinges(*(column[steep] for column in hinges))
@@ -123,7 +123,7 @@ def _make_normals(
     """Return the unit normals of the faces (i, j, k) and which of these have no sharp corner."""
     p, q, r = vertices[i], vertices[j], vertices[k]
     cross = cross_rows(q - p, r - p)
-    double = find_lengths(cross)
+    double = compute_lengths(cross)
     squared = np.sort(
         np.stack([sum_rows((q - p) ** 2), sum_rows((r - q) ** 2), sum_rows((p - r) ** 2)]), axis=0
     )
@@ -134,7 +134,7 @@ def _make_normals(
 def _length(
     vertices: Float[np.ndarray, "V 3"], i: Int[np.ndarray, " P"], j: Int[np.ndarray, " P"]
 ) -> Float[np.ndarray, " P"]:
-    return find_lengths(vertices[i] - vertices[j])
+    return compute_lengths(vertices[i] - vertices[j])
 
 
 def _angle(first: Float[np.ndarray, "P 3"], second: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:

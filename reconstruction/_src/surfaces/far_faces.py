@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import find_normals
+from reconstruction._src.geometry.manifold import compute_normals
 from reconstruction._src.geometry.orientation import split_fans
-from reconstruction._src.geometry.rows import find_areas, find_lengths
+from reconstruction._src.geometry.rows import compute_areas, compute_lengths
 from reconstruction._src.geometry.sampling import choose_viewpoints
 
 _NEIGHBORS = 16
@@ -105,7 +105,7 @@ def cut_faces(
     """Return a mesh without its far faces; as it is where there are none, or nothing else."""
     if not is_far.any() or is_far.all():
         return CutMesh(vertices, faces)
-    areas = find_areas(vertices, faces)
+    areas = compute_areas(vertices, faces)
     used, flat = np.unique(faces[~is_far], return_inverse=True)
     rest = split_fans(vertices[used], flat.reshape(-1, 3))
     area = float(areas[is_far].sum())
@@ -135,7 +135,7 @@ def measure_far_faces(
     if len(faces) == 0 or len(cloud.points) <= _NEIGHBORS:
         return FarFaces(np.zeros(len(faces), dtype=bool), 0.0)
     tree = cKDTree(cloud.points)
-    least = _find_least_spacing(find_samples(vertices, faces)[:, 0], tree)
+    least = _compute_least_spacing(find_samples(vertices, faces)[:, 0], tree)
     is_far, _ = find_far_among(vertices, faces, np.arange(len(faces)), tree, least, cloud)
     return FarFaces(is_far, least)
 
@@ -167,7 +167,7 @@ def find_far_among(
     limit = np.full(len(rows), _REACH)
     is_known = ~is_open[owner]
     if is_known.sum() >= _AROUND:
-        normals = find_normals(vertices, faces)[owner[is_known]]
+        normals = compute_normals(vertices, faces)[owner[is_known]]
         limit[_goes_on(tried, places[is_known], normals)] = _PLANE_REACH
     if cloud.viewpoints is not None:
         seen = _is_seen_through(tried, spacing, cloud.points, cloud.viewpoints, cloud.seen_from)
@@ -196,7 +196,7 @@ def find_open(
     return samples, (distance > limit).reshape(len(faces), -1)
 
 
-def _find_least_spacing(middles: Float[np.ndarray, "F 3"], tree: cKDTree) -> float:
+def _compute_least_spacing(middles: Float[np.ndarray, "F 3"], tree: cKDTree) -> float:
     """Return the median spacing of the readings at faces all over the surface [m]."""
     chosen = middles[:: max(1, len(middles) // _PROBES)]
     return float(np.median(_measure_spacing(tree, tree.query(chosen)[1], _NEIGHBORS)))
@@ -250,10 +250,10 @@ def _is_seen_through(
         if counts[row] <= _AROUND:
             break
         beams = points[seen_from == row] - viewpoints[row]
-        ranges = find_lengths(beams)
+        ranges = compute_lengths(beams)
         tree = cKDTree(beams / np.maximum(ranges, np.finfo(float).tiny)[:, None])
         ways = samples - viewpoints[row]
-        lengths = np.maximum(find_lengths(ways), np.finfo(float).tiny)
+        lengths = np.maximum(compute_lengths(ways), np.finfo(float).tiny)
         angle, nearest = tree.query(ways / lengths[:, None], k=list(range(1, _AROUND + 1)))
         is_among = angle[:, 0] <= _measure_spacing(tree, nearest[:, 0], _AROUND)
         is_farther = (ranges[nearest] > ((1 + _MARGIN) * lengths + spacing)[:, None]).all(axis=1)

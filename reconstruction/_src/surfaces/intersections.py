@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import Hinges, find_hinges, find_normals, group_sides
-from reconstruction._src.geometry.rows import all_rows, any_rows, cross_rows, find_lengths, sum_rows
+from reconstruction._src.geometry.manifold import Hinges, compute_normals, find_hinges, group_sides
+from reconstruction._src.geometry.rows import all_rows, any_rows, compute_lengths, cross_rows, sum_rows
 
 FOLD_ANGLE = np.deg2rad(120)
 """Two faces at an edge are a fold where their normals differ by more: a level sheet has 0 degrees, a right-angled
@@ -42,7 +42,7 @@ def measure_bends(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], hinges: Hinges
 ) -> Float[np.ndarray, " P"]:
     """Return the cosine between the normals of the two faces at every hinge; 1 where the surface is flat."""
-    normals = find_normals(vertices, faces)
+    normals = compute_normals(vertices, faces)
     cosine = sum_rows(normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]])
     return np.where(hinges.is_consistent, cosine, -cosine)
 
@@ -87,10 +87,10 @@ def _find_near(
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     selected = np.flatnonzero(is_selected)
     if len(selected) * len(corners) <= MOST_BOXES:
-        return _find_overlaps(low, high, find_lengths(cross_rows(b - a, c - a)) > 0, selected)
+        return _find_overlaps(low, high, compute_lengths(cross_rows(b - a, c - a)) > 0, selected)
     centers = (low + high) / 2
-    radius = find_lengths(high - low) / 2
-    has_area = find_lengths(cross_rows(b - a, c - a)) > 0
+    radius = compute_lengths(high - low) / 2
+    has_area = compute_lengths(cross_rows(b - a, c - a)) > 0
     size = np.where(has_area, np.ceil(np.log(np.maximum(radius, _SHORTEST)) / np.log(SIZES_APART)), np.inf)
     found = [np.empty((0, 2), dtype=np.int64)]
     for largest in np.unique(size[has_area]):

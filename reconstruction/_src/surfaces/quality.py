@@ -9,7 +9,7 @@ from jaxtyping import Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from reconstruction._src.geometry.rows import cross_rows, find_areas, find_lengths, sum_rows
+from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows, sum_rows
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
 
@@ -122,19 +122,19 @@ def measure_quality(
         The same numbers for the same arguments: the samples are drawn with a fixed seed.
     """
     vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-    areas = find_areas(vertices, faces)
+    areas = compute_areas(vertices, faces)
     angles = _find_angles(vertices, faces)
     intersections, folds = find_intersections(vertices, faces), find_folded_edges(vertices, faces)
     distances: dict[str, Distances | float] = {}
     if points is not None and len(points) and len(faces):
-        distances["cloud_to_mesh"] = _summarize(find_distances(points, vertices, faces))
+        distances["cloud_to_mesh"] = _summarize(compute_distances(points, vertices, faces))
     if truth is not None and len(faces):
         true_vertices = np.asarray(truth.vertices, dtype=np.float64)
         true_faces = np.asarray(truth.faces, dtype=np.int64)
         on_truth = sample_area(true_vertices, true_faces, num_samples)
         on_mesh = sample_area(vertices, faces, num_samples)
-        there = _summarize(find_distances(on_truth, vertices, faces))
-        back = _summarize(find_distances(on_mesh, true_vertices, true_faces))
+        there = _summarize(compute_distances(on_truth, vertices, faces))
+        back = _summarize(compute_distances(on_mesh, true_vertices, true_faces))
         distances |= {"truth_to_mesh": there, "mesh_to_truth": back, "hausdorff": max(there.max, back.max)}
     return Quality(
         topology=count_topology(faces, len(vertices)),
@@ -148,7 +148,7 @@ def measure_quality(
     )
 
 
-def find_distances(
+def compute_distances(
     points: Num[np.ndarray, "N 3"], vertices: Num[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float[np.ndarray, " N"]:
     """Return the exact distance of every point to the nearest point of the faces, by libigl."""
@@ -211,7 +211,7 @@ def _find_angles(
     """Return the angle at every corner [rad]."""
     corners = vertices[faces]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    return np.arctan2(find_lengths(cross_rows(ahead, behind)), sum_rows(ahead * behind))
+    return np.arctan2(compute_lengths(cross_rows(ahead, behind)), sum_rows(ahead * behind))
 
 
 def _summarize(distances: Float[np.ndarray, " N"]) -> Distances:

@@ -11,8 +11,8 @@ from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges
 from reconstruction._src.geometry.rows import (
     all_rows,
     any_corner,
+    compute_lengths,
     cross_rows,
-    find_lengths,
     find_near_box,
     sum_rows,
 )
@@ -144,7 +144,9 @@ def _cut_out(
     own = faces[any_corner(is_movable, faces)]
     if len(own) == 0:
         return None
-    longest = max(float(find_lengths(vertices[own[:, k]] - vertices[own[:, k - 1]]).max()) for k in range(3))
+    longest = max(
+        float(compute_lengths(vertices[own[:, k]] - vertices[own[:, k - 1]]).max()) for k in range(3)
+    )
     is_own = np.zeros(len(vertices), dtype=bool)
     is_own[own] = True
     near = find_near_box(vertices, vertices[is_own], longest)
@@ -266,7 +268,7 @@ def _find_turns(
 ) -> Bool[np.ndarray, " V"]:
     """Return at which vertices the boundary, edges from tail to head, turns by more than an angle [rad]."""
     along = vertices[head] - vertices[tail]
-    along /= np.maximum(find_lengths(along)[:, None], _SHORTEST)
+    along /= np.maximum(compute_lengths(along)[:, None], _SHORTEST)
     arriving, leaving = np.zeros((2, len(vertices), 3))
     arriving[head], leaving[tail] = along, along
     is_turn = np.zeros(len(vertices), dtype=bool)

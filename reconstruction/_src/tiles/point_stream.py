@@ -113,7 +113,7 @@ def _open_las(path: Path, meters: float | None) -> PointStream:
                 names = ("x", "y", "z", *(COLORS if scale else ()))
                 points = np.stack([np.asarray(chunk[name], dtype=np.float64) for name in names], axis=1)
                 points[:, 3:] *= scale
-                yield _as_meters(points[_find_usable(chunk)], lengths)
+                yield _as_meters(points[_select_usable(chunk)], lengths)
 
     try:
         with path.open("rb") as file, laspy.LasReader(file, closefd=False) as reader:
@@ -138,7 +138,7 @@ def _find_color_scale(chunk: Any, header: Any) -> float:
     return 0.0 if not largest else 1.0 if largest <= _MAX_BYTE else _MAX_BYTE / _MAX_SHORT
 
 
-def _find_usable(chunk: Any) -> np.ndarray:
+def _select_usable(chunk: Any) -> np.ndarray:
     """Return which points are neither withheld nor noise."""
     is_noise = np.isin(np.asarray(chunk["classification"]), _NOISE_CLASSES)
     return ~(is_noise | np.asarray(chunk["withheld"]).astype(bool))

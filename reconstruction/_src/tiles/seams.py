@@ -294,7 +294,7 @@ def _meet_corners(
             for number in np.flatnonzero((np.abs(vertices[:, :2] - corner) <= _ON_BORDER).all(axis=1)):
                 heights = []
                 for surface in meeting:  # the tile's own, too: all four compute bit-identical values
-                    found = _find_heights(surface, corner)
+                    found = _compute_heights(surface, corner)
                     gaps = np.abs(found - vertices[number, 2])
                     heights += [float(found[gaps.argmin()])] if len(found) and gaps.min() <= max_gap else []
                 if heights:
@@ -302,7 +302,7 @@ def _meet_corners(
     return result
 
 
-def _find_heights(surface: Surface, place: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " N"]:
+def _compute_heights(surface: Surface, place: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " N"]:
     """Return the heights of a surface above a place in plan."""
     corners = surface.vertices[surface.faces]
     near: Bool[np.ndarray, " F"] = (

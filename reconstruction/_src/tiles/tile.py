@@ -51,7 +51,7 @@ def choose_units(points: Float[np.ndarray, "N 3"], config: TilesConfig) -> int:
     """Return the units for the points of a tile, one of a ladder of numbers; 0 where there are too few points."""
     most = min(len(points) / config.points_per_unit, config.max_units)
     if config.units_per_area is not None:
-        most = min(most, config.units_per_area * _find_area(points, config))
+        most = min(most, config.units_per_area * _compute_area(points, config))
     if most < config.min_units:
         return 0
     step = np.floor(_STEPS_PER_OCTAVE * np.log2(most))
@@ -115,7 +115,7 @@ def read_surface(path: Path) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, 
     return vertices, faces
 
 
-def _find_area(points: Float[np.ndarray, "N 3"], config: TilesConfig) -> float:
+def _compute_area(points: Float[np.ndarray, "N 3"], config: TilesConfig) -> float:
     """Return the area of a tile and its halo that has points [m²], in cells of a twentieth of the tile."""
     cells = np.floor(points[:, :2] / (config.tile / 20)).astype(np.int64)
     return len(np.unique(cells, axis=0)) * (config.tile / 20) ** 2

@@ -70,7 +70,7 @@ cost within a third where most beams hit something, as in rooms and on courses; 
 saved: a table that stands alone costs 0.70 by this measure, and 1.7 in time."""
 
 
-def find_beam_cost(surface: trimesh.Trimesh, primitives: Primitives) -> float:
+def compute_beam_cost(surface: trimesh.Trimesh, primitives: Primitives) -> float:
     """Return how many boxes of MuJoCo's trees a random beam through the surface's box enters, in the mean.
 
     A count, no time: the same on every machine.
@@ -95,7 +95,7 @@ def pays(surface: trimesh.Trimesh, primitives: Primitives) -> bool:
     if not any(one.kind == "plane" for one in primitives.shapes):
         return True
     none = primitives._replace(shapes=[])
-    return find_beam_cost(surface, primitives) <= MOST_COST * find_beam_cost(surface, none)
+    return compute_beam_cost(surface, primitives) <= MOST_COST * compute_beam_cost(surface, none)
 
 
 def _measure_sides(half: np.ndarray) -> np.ndarray:

@@ -70,7 +70,7 @@ def make_arena_spec(
     spec.compiler.degree = False
     _add_lights(spec)
     colors, solids = make_piece_colors(len(geometry.pieces)), find_solids(geometry.primitives)
-    patch_frictions = find_patch_frictions(geometry.pieces, friction_map)
+    patch_frictions = compute_patch_frictions(geometry.pieces, friction_map)
     for i, piece in enumerate(geometry.pieces):
         file = f"pieces/{i:03d}.obj" if use_files else ""
         name, own = f"arena_piece_{i}", patch_frictions[i]
@@ -112,7 +112,7 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
         )
 
 
-def find_patch_frictions(
+def compute_patch_frictions(
     pieces: list[trimesh.Trimesh], friction_map: FrictionMap | None
 ) -> list[float | None]:
     """Return the friction of each of the pieces that lie in a patch; None for the others."""

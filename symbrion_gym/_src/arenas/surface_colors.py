@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int, UInt8
 
-from reconstruction._src.geometry.rows import find_areas
+from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.surfaces.color import WHITE, add_alpha
 from symbrion_gym._src.arenas.course import PATTERNS, Course, StairsCourse
@@ -44,7 +44,9 @@ def find_surface_colors(
     return texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
 
 
-def find_distances(positions: Float[np.ndarray, "N 3"], surface: trimesh.Trimesh) -> Float[np.ndarray, " N"]:
+def compute_distances(
+    positions: Float[np.ndarray, "N 3"], surface: trimesh.Trimesh
+) -> Float[np.ndarray, " N"]:
     """Return the distances of positions from a surface [m]."""
     return np.sqrt(_find_nearest(surface, positions)[0])
 
@@ -80,7 +82,7 @@ def sample_mesh_colors(mesh: trimesh.Trimesh, vertices: Float[np.ndarray, "V 3"]
     if isinstance(visual, trimesh.visual.TextureVisuals) and not _has_picture(visual):
         return None
     rng = np.random.default_rng(0)
-    areas = find_areas(vertices, faces)
+    areas = compute_areas(vertices, faces)
     if not areas.sum() > 0:
         return None
     place = (np.arange(_NUM_SAMPLES) + 0.5) / _NUM_SAMPLES * areas.sum()

@@ -64,7 +64,7 @@ class Atlas(NamedTuple):
     order: Int[np.ndarray, "F 3"]
     cells: list[Cells]
 
-    def find_uv(self) -> Float[np.ndarray, "F 3 2"]:
+    def compute_uv(self) -> Float[np.ndarray, "F 3 2"]:
         """Return column and row of the corners of every face, from 0 at the left and at the bottom to 1."""
         uv = np.zeros((len(self.order), 3, 2))
         for cells in self.cells:
@@ -83,7 +83,7 @@ def make_atlas(triangles: Float[np.ndarray, "F 3 3"], texel: float) -> Atlas:
     first = (lengths.argmax(axis=1) + 2) % 3  # opposite to the longest edge
     order = (first[:, None] + np.arange(3)) % 3
     legs = np.sort(lengths, axis=1)[:, 1]
-    rank = np.argsort(_find_codes(triangles.mean(axis=1)), kind="stable")
+    rank = np.argsort(_compute_codes(triangles.mean(axis=1)), kind="stable")
     sizes = _choose_sizes(legs, texel)
     while _count_blocks(sizes) * _BLOCK**2 > _MAX_SIZE**2 and (sizes > _BLOCK).any():
         texel *= _GROWTH
@@ -112,7 +112,7 @@ def iterate_texels(
     for cells in atlas.cells:
         grid = np.stack(np.meshgrid(np.arange(cells.size), np.arange(cells.size)), axis=-1).reshape(-1, 2)
         is_lower = grid.sum(axis=1) >= cells.size
-        weights = _find_weights(cells.size, grid[:, 0] + 0.5, grid[:, 1] + 0.5, is_lower)
+        weights = _compute_weights(cells.size, grid[:, 0] + 0.5, grid[:, 1] + 0.5, is_lower)
         most = max(1, _MOST_TEXELS // len(grid))
         for start in range(0, len(cells.faces), most):
             pairs = cells.faces[start : start + most]
@@ -142,7 +142,7 @@ def _find_corners(size: int) -> Int[np.ndarray, "2 3 2"]:
     )
 
 
-def _find_weights(size: int, x: np.ndarray, y: np.ndarray, is_lower: np.ndarray) -> np.ndarray:
+def _compute_weights(size: int, x: np.ndarray, y: np.ndarray, is_lower: np.ndarray) -> np.ndarray:
     """Return the barycentric coordinates of places in a cell, in the upper left or the lower right triangle."""
     legs = size - _RIM
     second = np.where(is_lower, size - 1 - x, x - 1) / legs
@@ -159,7 +159,7 @@ def _decode(codes: Int[np.ndarray, " C"]) -> Int[np.ndarray, "C 2"]:
     return place
 
 
-def _find_codes(places: Float[np.ndarray, "F 3"]) -> Int[np.ndarray, " F"]:
+def _compute_codes(places: Float[np.ndarray, "F 3"]) -> Int[np.ndarray, " F"]:
     """Return the place of points along a Z curve in space."""
     low, extent = places.min(axis=0), float(np.ptp(places, axis=0).max())
     steps = ((places - low) / max(extent, np.finfo(float).tiny) * (2**_BITS - 1)).astype(np.int64)
@@ -208,14 +208,14 @@ class SurfaceTexture(NamedTuple):
 
 def make_texture(mesh: trimesh.Trimesh, cloud: Cloud) -> SurfaceTexture:
     """Return a texture of a mesh in which each texel has the color of the points around it."""
-    texel = _find_spacing(cloud)
+    texel = _compute_spacing(cloud)
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
     atlas, source = make_atlas(triangles, texel), ColorSource(cloud)
     image = _make_blank(atlas, np.asarray(cloud.colors).mean(axis=0))
     normals = np.asarray(mesh.face_normals)
     for at, face, places in iterate_texels(atlas, triangles):
         image[at[:, 1], at[:, 0]] = source.find_colors(places, normals[face])
-    return SurfaceTexture(image, atlas.find_uv())
+    return SurfaceTexture(image, atlas.compute_uv())
 
 
 def paint_texture(mesh: trimesh.Trimesh, paint: Paint, texel: float = 0.01) -> SurfaceTexture:
@@ -226,7 +226,7 @@ def paint_texture(mesh: trimesh.Trimesh, paint: Paint, texel: float = 0.01) -> S
     for at, _, places in iterate_texels(atlas, triangles):
         colors = np.clip(np.asarray(paint(places), dtype=np.float64), 0.0, 1.0)
         image[at[:, 1], at[:, 0]] = np.round(_WHITE * colors).astype(np.uint8)
-    return SurfaceTexture(image, atlas.find_uv())
+    return SurfaceTexture(image, atlas.compute_uv())
 
 
 def _make_blank(atlas: Atlas, color: Float[np.ndarray, " 3"]) -> UInt8[np.ndarray, "H W 3"]:
@@ -247,7 +247,7 @@ def check_texture(texture: SurfaceTexture, mesh: trimesh.Trimesh, what: object) 
         raise ArenaError(f"{what}: places in the texture must lie in 0 to 1; build the arena again")
 
 
-def _find_spacing(cloud: Cloud) -> float:
+def _compute_spacing(cloud: Cloud) -> float:
     """Return the distance between neighboring colored points [m]."""
     from scipy.spatial import cKDTree
 

@@ -23,7 +23,7 @@ def place_modules(body: Organism, route: DrivingRoute) -> Float[np.ndarray, "N 4
 
     The body stands level at the height of the ground at the start and looks where the route begins.
     """
-    poses = body.find_poses()
+    poses = body.compute_poses()
     places = np.array([(pose.x, pose.y) for pose in poses])
     places -= (places.min(axis=0) + places.max(axis=0)) / 2
     along = np.array([np.cos(route.heading), np.sin(route.heading)])

@@ -30,7 +30,7 @@ _TOO_MANY = 1e9
 """Too many pieces are worse than any distance: their number is a limit, the accuracy a wish."""
 
 
-def find_miss(contact: Contact, accuracy: float, max_pieces: int) -> float:
+def compute_miss(contact: Contact, accuracy: float, max_pieces: int) -> float:
     """Return how far contact geometry misses what is wanted: the worst of its figures over the wanted one; 1 or less
     where nothing is missed.
     """
@@ -58,7 +58,7 @@ def find_fault(
     """
     if best is None:
         return ""
-    misses = [find_miss(contact, accuracy, max_pieces) for contact in (best, candidate)]
+    misses = [compute_miss(contact, accuracy, max_pieces) for contact in (best, candidate)]
     if misses[0] > 1.0:
         return (
             ""

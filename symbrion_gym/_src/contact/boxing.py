@@ -18,13 +18,13 @@ from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import (
     STEEP,
     Rectangle,
-    find_halfspaces,
+    compute_halfspaces,
+    compute_tops,
     find_inner_point,
     find_tight_rectangles,
-    find_tops,
     make_solid,
 )
-from reconstruction._src.geometry.outlines import find_hull_outline
+from reconstruction._src.geometry.outlines import compute_hull_outline
 from reconstruction._src.geometry.rows import make_hull
 from reconstruction._src.geometry.sampling import sample_grid
 from symbrion_gym._src.contact.deadline import never
@@ -79,10 +79,10 @@ class _Top:
     """The planes on top of a piece, and the share of its top that is under each."""
 
     def __init__(self, piece: trimesh.Trimesh, num_points: int) -> None:
-        self.halfspaces = find_halfspaces(piece)
+        self.halfspaces = compute_halfspaces(piece)
         self.planes = self.halfspaces[self.halfspaces[:, 2] > STEEP]
         points = sample_grid(np.asarray(piece.vertices), num_points)
-        points = points[np.isfinite(find_tops(self.halfspaces, points))]
+        points = points[np.isfinite(compute_tops(self.halfspaces, points))]
         self.slopes = -self.planes[:, [0, 1, 3]] / self.planes[:, 2:3]
         self.counts, self.num_points = np.zeros(len(self.planes), dtype=np.int64), len(points)
         if len(self.planes):
@@ -132,7 +132,7 @@ def turn_into_boxes(
     for i in range(len(boxed)):
         if is_exceeded():
             break
-        others = [find_halfspaces(piece) for k, piece in enumerate(boxed) if k != i]
+        others = [compute_halfspaces(piece) for k, piece in enumerate(boxed) if k != i]
         boxed[i] = _find_box(boxed[i], others, ground)
     return boxed
 
@@ -148,7 +148,7 @@ def _find_box(
     frame = _make_frame(plane[:3])
     corners = np.asarray(piece.vertices)
     is_on_top = np.abs(corners @ plane[:3] + plane[3]) < _ON_TOP
-    outline = find_hull_outline(corners[is_on_top] @ frame[:, :2]) if is_on_top.sum() >= 3 else None
+    outline = compute_hull_outline(corners[is_on_top] @ frame[:, :2]) if is_on_top.sum() >= 3 else None
     if outline is None:
         return piece
     check = _ContactCheck(piece, top.halfspaces, others, ground)
@@ -198,10 +198,10 @@ class _ContactCheck:
         margin = np.array([_BOX_AIR, _BOX_AIR, 0.0])
         self._points = sample_grid(np.array([low - 2 * margin, high + 2 * margin]), _CHECK_POINTS)
         neighbors = np.stack(
-            [find_tops(other, self._points) for other in others] or [np.full(len(self._points), -np.inf)]
+            [compute_tops(other, self._points) for other in others] or [np.full(len(self._points), -np.inf)]
         )
         self._neighbors = neighbors.max(axis=0)
-        own = find_tops(halfspaces, self._points)
+        own = compute_tops(halfspaces, self._points)
         before, height = np.maximum(self._neighbors, own), ground.height(*self._points.T)
         is_ground = np.isfinite(height)
         self._highest = np.where(is_ground, np.fmax(before, height), np.inf)
@@ -227,8 +227,8 @@ class _ContactCheck:
         Beyond the rim of the terrain nothing counts.
         """
         tolerance = _TOLERANCE
-        halfspaces = find_halfspaces(box)
-        own = find_tops(halfspaces, self._points)
+        halfspaces = compute_halfspaces(box)
+        own = compute_tops(halfspaces, self._points)
         after = np.maximum(np.maximum(self._neighbors, own), _NOTHING)
         off = np.maximum(after - self._highest, self._lowest - after)
         if off.max() > 2 * tolerance or (off > tolerance).sum() > _BOX_FEW * len(off):

@@ -12,7 +12,7 @@ from jaxtyping import Bool
 
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_distance
-from symbrion_gym._src.contact.acceptance import find_fault, find_miss
+from symbrion_gym._src.contact.acceptance import compute_miss, find_fault
 from symbrion_gym._src.contact.deadline import Deadline
 from symbrion_gym._src.contact.kinds import Contact, make_height_field
 from symbrion_gym._src.contact.options import ContactOptions
@@ -106,7 +106,7 @@ def _make_height_field(problem: ContactProblem) -> Contact:
 def _add_notes(problem: ContactProblem, contact: Contact) -> Contact:
     """Return contact geometry with what a user should know of it."""
     options, accuracy = problem.options, problem.accuracy
-    miss = find_miss(contact, accuracy, options.max_pieces)
+    miss = compute_miss(contact, accuracy, options.max_pieces)
     notes: dict[str, Any] = {"accuracy": accuracy, "shape": problem.shape, "is_reached": miss <= 1.0}
     place, distance = _find_worst(problem, contact)
     notes["worst"] = {"place": place, "distance": distance}
@@ -124,9 +124,9 @@ def _add_notes(problem: ContactProblem, contact: Contact) -> Contact:
 def _find_worst(problem: ContactProblem, contact: Contact) -> tuple[list[float], float]:
     distance = problem.distance
     if contact.height_field is not None:
-        gaps = distance.find_gaps_of_sheet(contact.height_field.as_mesh())
+        gaps = distance.compute_gaps_of_sheet(contact.height_field.as_mesh())
     else:
-        gaps = distance.find_gaps(contact.pieces)
+        gaps = distance.compute_gaps(contact.pieces)
     place, worst = gaps.find_worst()
     return [round(float(x), 3) for x in place], worst
 

@@ -6,7 +6,7 @@ import logging
 
 import trimesh
 
-from symbrion_gym._src.contact.acceptance import find_miss
+from symbrion_gym._src.contact.acceptance import compute_miss
 from symbrion_gym._src.contact.decomposition import decompose
 from symbrion_gym._src.contact.kinds import Contact
 from symbrion_gym._src.contact.options import DEPTH, ITERATIONS, MAX_FACES, NODES, RESOLUTION, THRESHOLDS
@@ -58,4 +58,4 @@ def _attempt(problem: ContactProblem, solid: trimesh.Trimesh, threshold: float) 
 
 
 def _find_miss(problem: ContactProblem, contact: Contact) -> float:
-    return find_miss(contact, problem.accuracy, problem.options.max_pieces)
+    return compute_miss(contact, problem.accuracy, problem.options.max_pieces)

@@ -10,7 +10,13 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.halfspaces import STEEP, find_box, find_halfspaces, find_tops, make_solid
+from reconstruction._src.geometry.halfspaces import (
+    STEEP,
+    compute_halfspaces,
+    compute_tops,
+    find_box,
+    make_solid,
+)
 from reconstruction._src.geometry.rows import make_hull
 from reconstruction._src.geometry.sampling import sample_grid
 from symbrion_gym._src.contact.planes import Planes
@@ -246,18 +252,18 @@ _PIECE_POINTS = 160
 def clear_hidden_edges(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
     """Return pieces without those that are hidden, whose hidden ends stop short of crests."""
     kept = _drop_hidden(pieces, ground)
-    halfspaces = [find_halfspaces(piece) for piece in kept]
+    halfspaces = [compute_halfspaces(piece) for piece in kept]
     return [_shorten(i, kept, halfspaces) for i in range(len(kept))]
 
 
 def _drop_hidden(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
     """Return the pieces, without those whose tops lie beneath others wherever there is ground, the smallest first."""
-    halfspaces = {i: find_halfspaces(piece) for i, piece in enumerate(pieces)}
+    halfspaces = {i: compute_halfspaces(piece) for i, piece in enumerate(pieces)}
     for i in sorted(halfspaces, key=lambda i: float(pieces[i].volume)):
         points = sample_grid(np.asarray(pieces[i].vertices), _PIECE_POINTS)
         points = points[np.isfinite(ground.height(*points.T))]
-        own = find_tops(halfspaces[i], points)
-        others = [find_tops(planes, points) for k, planes in halfspaces.items() if k != i]
+        own = compute_tops(halfspaces[i], points)
+        others = [compute_tops(planes, points) for k, planes in halfspaces.items() if k != i]
         if others and (own <= np.max(others, axis=0) + _LIFT).all():
             del halfspaces[i]
     return [pieces[i] for i in sorted(halfspaces)]
@@ -290,7 +296,7 @@ def _move_side(piece: trimesh.Trimesh, side: Float[np.ndarray, " 4"], move: floa
         is_side = np.abs(corners @ side[:3] + side[3]) < _ON_FACE
         made = make_hull(corners - is_side[:, None] * (move * side[:3]))
     else:
-        moved = find_halfspaces(piece)
+        moved = compute_halfspaces(piece)
         moved[np.abs(moved - side).max(axis=1) < _SAME_SIDE, 3] += move
         made = make_solid(moved, corners.mean(axis=0))
     return piece if made is None else made

@@ -96,7 +96,7 @@ _LEAST_MASS = 1e-300
 """Keeps divisions by the area of no faces finite."""
 
 
-def find_moments(mesh: trimesh.Trimesh, origin: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "F 4 4"]:
+def compute_moments(mesh: trimesh.Trimesh, origin: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "F 4 4"]:
     """Return the integral of h hᵀ over every face, h = (x - origin, 1)."""
     corners = np.asarray(mesh.triangles, dtype=np.float64) - origin
     homogeneous = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2)

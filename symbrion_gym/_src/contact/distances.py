@@ -16,7 +16,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from reconstruction._src.geometry.rows import cross_rows, find_lengths
+from reconstruction._src.geometry.rows import compute_lengths, cross_rows
 from reconstruction._src.geometry.sampling import sample_area
 from symbrion_gym._src.contact.inside import ConvexSolids
 from symbrion_gym._src.contact.quality import ArenaQuality
@@ -63,25 +63,25 @@ class SurfaceDistance:
         """Sample the surface."""
         self._vertices = np.ascontiguousarray(surface.vertices, dtype=np.float64)
         self._faces = np.ascontiguousarray(surface.faces, dtype=np.int64)
-        self._normals = _find_normals(self._vertices, self._faces)
+        self._normals = _compute_normals(self._vertices, self._faces)
         self.points = sample_area(self._vertices, self._faces, _NUM_POINTS)
         _, face, _ = find_nearest(self.points, self._vertices, self._faces)
         self._directions = self._normals[face]
 
-    def find_gaps(self, pieces: list[trimesh.Trimesh]) -> Gaps:
+    def compute_gaps(self, pieces: list[trimesh.Trimesh]) -> Gaps:
         """Return the distances from pieces; -inf where there are none."""
         if not pieces:
             return Gaps(self.points, np.full(len(self.points), -np.inf), np.zeros(0))
         solids = ConvexSolids(pieces)
-        raised = solids.find_depths_behind(self.points, self._directions)
+        raised = solids.compute_depths_behind(self.points, self._directions)
         distance, _, _ = find_nearest(self.points, solids.vertices, solids.faces)
-        return Gaps(self.points, np.where(raised > 0, raised, -distance), self._find_protrusions(solids))
+        return Gaps(self.points, np.where(raised > 0, raised, -distance), self._compute_protrusions(solids))
 
-    def find_gaps_of_sheet(self, sheet: trimesh.Trimesh) -> Gaps:
+    def compute_gaps_of_sheet(self, sheet: trimesh.Trimesh) -> Gaps:
         """Return the distances from an open sheet with everything beneath it solid: a height field."""
         vertices, faces = np.asarray(sheet.vertices), np.asarray(sheet.faces)
         distance, face, nearest = find_nearest(self.points, vertices, faces)
-        normals = _find_normals(vertices, faces)
+        normals = _compute_normals(vertices, faces)
         height = np.einsum("ni,ni->n", self.points - nearest, normals[face])
         gaps = np.where(height < 0, distance, -distance)
         middles = sample_area(vertices, faces, _NUM_POINTS)
@@ -91,7 +91,7 @@ class SurfaceDistance:
 
     def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
         """Return the distances from pieces as figures."""
-        return self.summarize(self.find_gaps(pieces), len(pieces), seconds)
+        return self.summarize(self.compute_gaps(pieces), len(pieces), seconds)
 
     def summarize(self, gaps: Gaps, num_pieces: int, seconds: float = 0.0) -> ArenaQuality:
         """Return distances as figures."""
@@ -104,9 +104,9 @@ class SurfaceDistance:
         """Return the distances of the samples from another mesh [m]."""
         return find_nearest(self.points, vertices, faces)[0]
 
-    def _find_protrusions(self, solids: ConvexSolids) -> Float[np.ndarray, " M"]:
+    def _compute_protrusions(self, solids: ConvexSolids) -> Float[np.ndarray, " M"]:
         points = sample_area(solids.vertices, solids.faces, _NUM_POINTS)
-        points = points[solids.find_depths(points) <= _INSIDE]
+        points = points[solids.compute_depths(points) <= _INSIDE]
         distance, face, nearest = find_nearest(points, self._vertices, self._faces)
         height = np.einsum("ni,ni->n", points - nearest, self._normals[face])
         is_touchable = height > -UNCOVERED_BEYOND
@@ -129,9 +129,9 @@ def find_nearest(
     return np.sqrt(np.maximum(squared, 0.0)), np.asarray(face, dtype=np.int64), np.asarray(place)
 
 
-def _find_normals(
+def _compute_normals(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float[np.ndarray, "F 3"]:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = cross_rows(b - a, c - a)
-    return normals / np.maximum(find_lengths(normals), _LEAST_LENGTH)[:, None]
+    return normals / np.maximum(compute_lengths(normals), _LEAST_LENGTH)[:, None]

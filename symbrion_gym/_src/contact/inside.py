@@ -39,14 +39,14 @@ class ConvexSolids:
         faces = [np.asarray(p.faces, np.int64) + start for p, start in zip(pieces, starts, strict=False)]
         self.faces = np.concatenate([np.zeros((0, 3), np.int64), *faces])
 
-    def find_depths(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+    def compute_depths(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
         """Return how deep points are [m]: the distance of the nearest plane, of the deepest solid; 0 outside."""
         depths = np.zeros(len(points))
         for members, below, _ in self._find_inside(points):
             depths[members] = np.maximum(depths[members], below.min(axis=1))
         return depths
 
-    def find_depths_behind(
+    def compute_depths_behind(
         self, points: Float[np.ndarray, "N 3"], directions: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, " N"]:
         """Return how deep points are [m]: the distance of the nearest plane that does not look away from a
@@ -85,11 +85,11 @@ class ConvexSolids:
                     yield order[part[is_inside]], below[is_inside], planes[:, :3]
 
 
-def find_depths(
+def compute_depths(
     points: Float[np.ndarray, "N 3"], pieces: Sequence[trimesh.Trimesh]
 ) -> Float[np.ndarray, " N"]:
     """Return how deep points are inside convex pieces [m]: the distance of the nearest plane, of the deepest piece."""
-    return ConvexSolids(pieces).find_depths(points)
+    return ConvexSolids(pieces).compute_depths(points)
 
 
 def find_planes(piece: trimesh.Trimesh) -> Float[np.ndarray, "P 4"]:
@@ -123,7 +123,7 @@ class NearestPoints(NamedTuple):
     normals: Float[np.ndarray, "N 3"]
 
 
-def find_offsets(
+def compute_offsets(
     points: Float[np.ndarray, "N 3"],
     normals: Float[np.ndarray, "N 3"],
     contact: Sequence[trimesh.Trimesh] | HeightField,
@@ -137,7 +137,7 @@ def find_offsets(
     is_in_front = (ways * normals).sum(axis=1) > _IN_FRONT * distances
     if isinstance(contact, HeightField):
         return np.where(is_in_front, distances, -distances)
-    depths = find_depths(points, contact)
+    depths = compute_depths(points, contact)
     return np.where(depths > 0.0, depths, np.where(is_in_front, distances, -distances))
 
 

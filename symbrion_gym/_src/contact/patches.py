@@ -19,7 +19,7 @@ import trimesh
 from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
-from reconstruction._src.geometry.rows import find_areas
+from reconstruction._src.geometry.rows import compute_areas
 
 _FLAT = 1e-9
 """Points whose spread along an axis is smaller lie in a plane [m]."""
@@ -101,7 +101,7 @@ def join_faces(
 
 def _make_patches(mesh: trimesh.Trimesh, depths: Float[np.ndarray, " V"]) -> dict[int, _Patch]:
     """Return one patch a face."""
-    areas = find_areas(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    areas = compute_areas(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     patches = {}
     for i, (face, normal, area) in enumerate(
         zip(mesh.faces.tolist(), mesh.face_normals, areas.tolist(), strict=True)

@@ -22,7 +22,12 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from symbrion_gym._src.contact.deadline import never
-from symbrion_gym._src.contact.decomposition import find_moments, fit_planes, measure_deviations, weigh_faces
+from symbrion_gym._src.contact.decomposition import (
+    compute_moments,
+    fit_planes,
+    measure_deviations,
+    weigh_faces,
+)
 from symbrion_gym._src.errors import ArenaError
 
 _LEAST_MASS = 1e-300
@@ -148,7 +153,7 @@ class _FaceSurface:
             raise ArenaError("the mesh has no face with an area")
         self.normals = np.asarray(mesh.face_normals, dtype=np.float64)
         self.origin = np.asarray(mesh.triangles_center).mean(axis=0)
-        self.moments = find_moments(mesh, self.origin)
+        self.moments = compute_moments(mesh, self.origin)
         self.pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
         rows, columns = np.concatenate([self.pairs, self.pairs[:, ::-1]]).T
         count = len(self.areas)

@@ -19,7 +19,7 @@ from symbrion_gym._src.contact.options import CONTACT_AIM, ContactOptions
 from symbrion_gym._src.contact.planes import Planes, find_planes
 from symbrion_gym._src.contact.simplification import split_long_edges
 from symbrion_gym._src.contact.solid import Shape, close_holes, find_shape, take_top
-from symbrion_gym._src.contact.terrain_planes import find_few_planes
+from symbrion_gym._src.contact.terrain_planes import select_few_planes
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class ContactProblem:
     @cached_property
     def terrain_planes(self) -> tuple[Planes, float]:
         """Planes of the top of a terrain, few if it has few, and the tolerance that they were found with [m]."""
-        return find_few_planes(self.top, self.accuracy, self.deadline.is_over)
+        return select_few_planes(self.top, self.accuracy, self.deadline.is_over)
 
     def is_seen_from_behind(self, places: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
         """Return which places on the surface were seen from behind, too."""

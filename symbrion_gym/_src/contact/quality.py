@@ -14,7 +14,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.rows import find_areas
+from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.geometry.sampling import sample_cells
 from symbrion_gym._src.errors import ArenaError
 
@@ -147,7 +147,7 @@ class TerrainErrorMetric:
         self._is_there = np.isfinite(self._wanted)
         if region is not None:
             self._is_there &= np.isfinite(Elevation(region).height(self._x, self._y))
-        self._is_open = self._is_there & (_find_relief(self._wanted, margin / spacing) < 2.0 * margin)
+        self._is_open = self._is_there & (_compute_relief(self._wanted, margin / spacing) < 2.0 * margin)
 
     def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
         """Compare the top of the pieces with the surface."""
@@ -172,7 +172,7 @@ def measure_arena(
     return metric.measure(pieces, seconds)
 
 
-def _find_relief(heights: Float[np.ndarray, "X Y"], radius: float) -> Float[np.ndarray, "X Y"]:
+def _compute_relief(heights: Float[np.ndarray, "X Y"], radius: float) -> Float[np.ndarray, "X Y"]:
     """Return the difference of the highest and lowest point within a radius (in cells) on a grid with gaps (NaN)."""
     reach = max(int(np.ceil(radius - _ROUNDING)), 1)
     steps = np.arange(-reach, reach + 1)
@@ -202,7 +202,7 @@ class RayMesh:
                 *(np.asarray(mesh.faces) + end for mesh, end in zip(meshes, ends[:-1], strict=True)),
             ]
         )
-        faces = faces[find_areas(vertices, faces) > _LEAST_AREA]
+        faces = faces[compute_areas(vertices, faces) > _LEAST_AREA]
         if not len(faces):
             return
         used, index = np.unique(faces, return_inverse=True)

@@ -17,10 +17,15 @@ import trimesh
 from jaxtyping import Float
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.halfspaces import STEEP, find_halfspaces, find_tops, make_solid
+from reconstruction._src.geometry.halfspaces import STEEP, compute_halfspaces, compute_tops, make_solid
 from reconstruction._src.geometry.sampling import sample_grid
 from symbrion_gym._src.contact.deadline import never
-from symbrion_gym._src.contact.decomposition import find_moments, fit_planes, measure_deviations, weigh_faces
+from symbrion_gym._src.contact.decomposition import (
+    compute_moments,
+    fit_planes,
+    measure_deviations,
+    weigh_faces,
+)
 from symbrion_gym._src.contact.planes import Planes
 
 _ON_PLANE = 1e-6
@@ -73,7 +78,7 @@ def _is_hidden(
     air: bool,
 ) -> bool:
     """Return whether a piece that grew shows nowhere: beneath what was there, or (air) beyond the rim."""
-    old, new = find_tops(before, points), find_tops(after, points)
+    old, new = compute_tops(before, points), compute_tops(after, points)
     grew = new > old + _ON_PLANE
     if not grew.any():
         return True
@@ -88,19 +93,19 @@ def _is_hidden(
 def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Trimesh:
     """Cut a piece by the tops of its neighbors, where it sticks out above them and loses no ground."""
     piece = pieces[i]
-    halfspaces, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
+    halfspaces, inner = compute_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
     points = sample_grid(np.asarray(piece.vertices), _PIECE_POINTS)
-    height, before = ground.height(*points.T), find_tops(halfspaces, points)
+    height, before = ground.height(*points.T), compute_tops(halfspaces, points)
     for j, other in enumerate(pieces):
         if j == i or not _do_touch(piece, other, _TOUCHING):
             continue
-        for plane in find_halfspaces(other):
+        for plane in compute_halfspaces(other):
             is_cut = (np.asarray(piece.vertices) @ plane[:3] + plane[3]).max() > _LIFT
             if plane[2] < STEEP or plane[:3] @ inner + plane[3] > -_INSIDE or not is_cut:
                 continue
             lowered = before > -(points @ plane[:2] + plane[3]) / plane[2]
             after = before.copy()
-            after[lowered] = find_tops(np.vstack([halfspaces, plane]), points[lowered])
+            after[lowered] = compute_tops(np.vstack([halfspaces, plane]), points[lowered])
             lowered[lowered] = before[lowered] - after[lowered] > _LIFT
             if not lowered.any():
                 continue
@@ -108,8 +113,8 @@ def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Tr
             if np.nansum(gain) <= 0 or np.nanmin(gain, initial=0.0) <= -_MAX_LOSS:
                 continue
             if (made := make_solid(np.vstack([halfspaces, plane]), inner)) is not None:
-                piece, halfspaces = made, find_halfspaces(made)
-                before = find_tops(halfspaces, points)
+                piece, halfspaces = made, compute_halfspaces(made)
+                before = compute_tops(halfspaces, points)
     return piece
 
 
@@ -122,7 +127,7 @@ def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.
     """Move each side of a piece outwards beneath its neighbors, where that lifts nothing."""
     piece = pieces[i]
     others = Elevation(*pieces[:i], *pieces[i + 1 :])
-    halfspaces, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
+    halfspaces, inner = compute_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
     for k in range(len(halfspaces)):
         if abs(halfspaces[k, 2]) > STEEP:
             continue
@@ -145,7 +150,7 @@ def _simplify(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trime
     """Drop the half-spaces of a piece that make no difference, the smallest faces first."""
     piece = pieces[i]
     others = Elevation(*pieces[:i], *pieces[i + 1 :])
-    first, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
+    first, inner = compute_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
     kept = first
     for plane in first[::-1]:
         fewer = kept[~(kept == plane).all(axis=1)]
@@ -208,7 +213,7 @@ def _sum_regions(
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
     weights = weigh_faces(planes.labels, pairs, _BORDER_WEIGHT)
     sums = np.zeros((len(planes.normals), 4, 4))
-    np.add.at(sums, np.maximum(planes.labels, 0), find_moments(mesh, origin) * weights[:, None, None])
+    np.add.at(sums, np.maximum(planes.labels, 0), compute_moments(mesh, origin) * weights[:, None, None])
     return sums
 
 

@@ -40,7 +40,7 @@ def list_counts(num_faces: int) -> list[int]:
     return [*(int(_FEWEST * GROWTH**k) for k in range(steps)), num_faces]
 
 
-def find_simple(
+def select_simple(
     surface: trimesh.Trimesh,
     distance: SurfaceDistance,
     accuracy: float,

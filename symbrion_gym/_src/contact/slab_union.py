@@ -11,8 +11,8 @@ import trimesh
 from jaxtyping import Float
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.halfspaces import STEEP, find_halfspaces, find_tops, make_prism
-from reconstruction._src.geometry.outlines import find_bounds, find_hull_outline
+from reconstruction._src.geometry.halfspaces import STEEP, compute_halfspaces, compute_tops, make_prism
+from reconstruction._src.geometry.outlines import compute_bounds, compute_hull_outline
 from reconstruction._src.geometry.sampling import sample_evenly, sample_grid
 from symbrion_gym._src.contact.decomposition import decompose
 from symbrion_gym._src.contact.planes import Planes
@@ -116,7 +116,7 @@ def restore_planes(pieces: list[trimesh.Trimesh], slabs: list[trimesh.Trimesh]) 
     coacd decides what is one piece; its hulls bulge by the threshold, several millimeters on ground of some meters, and
     end where solids touch. A piece on which nothing rests stays as it is.
     """
-    halfspaces = np.concatenate([find_halfspaces(slab) for slab in slabs])
+    halfspaces = np.concatenate([compute_halfspaces(slab) for slab in slabs])
     tops = np.unique(np.round(halfspaces[halfspaces[:, 2] > STEEP], _DIGITS), axis=0)
     ground = Elevation(*slabs)
     bottom = min(float(slab.bounds[0, 2]) for slab in slabs)
@@ -131,7 +131,7 @@ def _restore(
 ) -> trimesh.Trimesh:
     """Return the prism under a piece's planes; the piece itself where nothing rests on it."""
     points = sample_grid(np.asarray(piece.vertices), _TOP_POINTS)
-    height, before = ground.height(*points.T), find_tops(find_halfspaces(piece), points)
+    height, before = ground.height(*points.T), compute_tops(compute_halfspaces(piece), points)
     is_known = np.isfinite(height) & np.isfinite(before)
     points, height, before = points[is_known], height[is_known], before[is_known]
     is_own = np.abs(before - height) < _MAX_CHANGE
@@ -139,11 +139,13 @@ def _restore(
         return piece
     levels = -(points @ tops[:, :2].T + tops[:, 3]) / tops[:, 2]
     chosen = _choose_planes(levels[is_own], height[is_own], _MAX_LIFT)
-    outline = find_hull_outline(np.asarray(piece.vertices)[:, :2])
-    made = make_prism(find_bounds(outline), tops[chosen], bottom) if chosen and outline is not None else None
+    outline = compute_hull_outline(np.asarray(piece.vertices)[:, :2])
+    made = (
+        make_prism(compute_bounds(outline), tops[chosen], bottom) if chosen and outline is not None else None
+    )
     if made is None:
         raise ArenaError("a piece of coacd has no planes of its own")
-    after = find_tops(find_halfspaces(made), points)
+    after = compute_tops(compute_halfspaces(made), points)
     lifted = after - np.maximum(height, before)
     lost = (np.minimum(before, height) - after)[is_own]
     is_off = np.concatenate([lifted > _MAX_LIFT, lost > _MAX_BULGE])

@@ -20,8 +20,8 @@ from jaxtyping import Bool, Float, Float32, Int
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import STEEP, make_prism
 from reconstruction._src.geometry.outlines import (
-    find_bounds,
-    find_hull_outline,
+    compute_bounds,
+    compute_hull_outline,
     find_outline,
     is_within,
     measure_area,
@@ -298,7 +298,7 @@ def _join(ground: Ground, first: Slab, second: Slab, accuracy: float) -> Slab | 
     preview = step * _cap(ground, np.zeros((0, 3)), members[::step], accuracy).excess
     if preview > _PREVIEW_SLACK * limit + 2 * step:
         return None
-    outline = find_hull_outline(np.concatenate([first.outline, second.outline]))
+    outline = compute_hull_outline(np.concatenate([first.outline, second.outline]))
     if outline is None:
         return None
     cell = _cap(ground, np.zeros((0, 3)), members, accuracy)
@@ -330,4 +330,4 @@ def _make_slab(mesh: trimesh.Trimesh, ground: Ground, cell: Cell) -> Slab | None
 def _make_solid(planes: Planes, slab: Slab, bottom: float) -> trimesh.Trimesh | None:
     """Return the convex solid under the slab's cap, down to the bottom."""
     tops = np.column_stack([planes.normals, -planes.offsets])[slab.planes]
-    return make_prism(find_bounds(slab.outline), tops, bottom)
+    return make_prism(compute_bounds(slab.outline), tops, bottom)

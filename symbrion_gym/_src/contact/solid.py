@@ -184,7 +184,7 @@ class ThicknessConfig:
 THICKNESS_DEFAULTS = ThicknessConfig()
 
 
-def find_thickness(
+def compute_thickness(
     mesh: trimesh.Trimesh,
     find_limits: Callable[[Float[np.ndarray, "N 3"]], Float[np.ndarray, " N"]] | None = None,
     config: ThicknessConfig = THICKNESS_DEFAULTS,

@@ -28,7 +28,7 @@ MAX_PARTS = 16
 """Slabs are not cut at creases into more parts than these."""
 
 
-def find_few_planes(
+def select_few_planes(
     top: trimesh.Trimesh,
     accuracy: float,
     is_exceeded: Callable[[], bool],

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.elevation import Elevation
-from symbrion_gym._src.contact.inside import find_depths
+from symbrion_gym._src.contact.inside import compute_depths
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.errors import ArenaError
@@ -189,7 +189,7 @@ def _is_solid(
     """Return whether points are inside a piece, or below a height field."""
     if isinstance(contact, HeightField):
         return points[:, 2] < Elevation(contact.as_mesh()).height(points[:, 0], points[:, 1])
-    return find_depths(points, contact) > 0
+    return compute_depths(points, contact) > 0
 
 
 def _find_share(is_so: np.ndarray) -> float:

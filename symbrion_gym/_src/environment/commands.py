@@ -75,7 +75,7 @@ class Commands:
             np.add(target, turn, target)
         else:
             np.add(target, turn, out=target, where=active[:, None])
-        return target, self.find_track_speed()
+        return target, self.compute_track_speed()
 
     def _refuse_infinite(
         self, actions: Float[np.ndarray, "N A"], active: Bool[np.ndarray, " N"] | None
@@ -93,13 +93,13 @@ class Commands:
                 f"action[{column}]{where} ({what}) is {actions[row, column]}; a number from -1 to 1 is needed"
             )
 
-    def find_track_speed(self) -> np.ndarray:
+    def compute_track_speed(self) -> np.ndarray:
         """Return commanded track speeds [m/s], `[N, 1, n or 2n]`."""
         return self._speed * self.action[:, -self.num_tracks :] if self.num_tracks else self._speed
 
-    def find_head_speed(self) -> Float[np.ndarray, " N"]:
+    def compute_head_speed(self) -> Float[np.ndarray, " N"]:
         """Return the commanded speed of the head's tracks [m/s], the mean of its sides."""
-        speed = self.find_track_speed()
+        speed = self.compute_track_speed()
         return speed[:, :2].mean(axis=1) if self._is_skid else speed[:, 0]
 
 

@@ -201,8 +201,8 @@ class EnvironmentConfig:
     def __post_init__(self) -> None:
         check_not_negative(self, _NOT_NEGATIVE, OptionError)
         check_positive(self, _POSITIVE, OptionError)
-        check_not_negative(self, self._find_given(*_NOT_NEGATIVE_IF_GIVEN), OptionError)
-        check_positive(self, self._find_given(*_POSITIVE_IF_GIVEN), OptionError)
+        check_not_negative(self, self._select_given(*_NOT_NEGATIVE_IF_GIVEN), OptionError)
+        check_positive(self, self._select_given(*_POSITIVE_IF_GIVEN), OptionError)
         if isinstance(self.modules, bool) or (
             isinstance(self.modules, int | np.integer) and not 1 <= self.modules <= MAX_MODULES
         ):
@@ -267,7 +267,7 @@ class EnvironmentConfig:
         chosen = given.get("task") or given.get("default_task", cls.default_task)
         return find_parameters(chosen) if isinstance(chosen, str) else ()
 
-    def _find_given(self, *names: str) -> list[str]:
+    def _select_given(self, *names: str) -> list[str]:
         """Return those of some options that are not None."""
         return [name for name in names if getattr(self, name) is not None]
 

@@ -108,7 +108,7 @@ class DeadReckoning:
         """Move the estimated poses by the way of a tick."""
         rotation = physics.rotation[rows]
         level = np.sqrt(np.maximum(1.0 - rotation[:, :, 6] ** 2, LEAST_LEVEL**2))
-        speed = self._commands.find_track_speed()[rows]
+        speed = self._commands.compute_track_speed()[rows]
         run = np.repeat(speed * self._dt, len(self._ahead) // speed.shape[1], axis=1)
         way = run * np.repeat(level, 2, axis=1)
         ahead, left, turn = add_up(way * self._ahead), add_up(way * self._left), add_up(run * self._turn)
@@ -132,7 +132,7 @@ def list_places(goal: Any, scene: Scene) -> tuple[Float[np.ndarray, "C 2"], Floa
 
 def find_middle(organism: Organism) -> tuple[float, float]:
     """Return how far ahead and to the left of its middle the head of a straight body is [m]."""
-    poses = organism.find_poses()
+    poses = organism.compute_poses()
     return -float(np.mean([pose.x for pose in poses])), -float(np.mean([pose.y for pose in poses]))
 
 
@@ -149,7 +149,7 @@ def find_motion(
     y = max(place[1] for place in lowest)
     ends = np.array([(end, side) for side in (y, -y) for end in (x.min(), x.max())])
     places, looks = [], []
-    for pose in organism.find_poses():
+    for pose in organism.compute_poses():
         c, s = np.cos(pose.heading), np.sin(pose.heading)
         places.append(np.array([pose.x, pose.y]) + ends @ np.array([[c, s], [-s, c]]))
         looks.append(np.tile([c, s], (len(ends), 1)))

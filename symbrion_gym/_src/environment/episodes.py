@@ -100,7 +100,7 @@ class Episodes:
             DeadReckoning(world, self.commands, self.observer.goal_direction) if is_reckoned else None
         )
         self.scene = world.scene
-        criteria = task.find_criteria(world.organism)
+        criteria = task.compute_criteria(world.organism)
         self.state = TaskState(self.scene, task.goal, num, self._dt, criteria, self.action)
         self._watch = Watch(task, self.state)
         self._largest_squares = _SOUND * criteria.max_rate**2
@@ -220,7 +220,7 @@ class Episodes:
     def _integrate_track_odometry(self, physics: Physics) -> None:
         """Add the way of the last tick, once: what the head's tracks ran, as steep as its pitch."""
         level = np.sqrt(np.maximum(1.0 - physics.rotation[:, 0, 6] ** 2, 0.0))
-        way = self._dt * self.commands.find_head_speed() * level
+        way = self._dt * self.commands.compute_head_speed() * level
         self.observer.track_odometry[self._has_driven, 0] += way[self._has_driven]
         self._has_driven[:] = False
 

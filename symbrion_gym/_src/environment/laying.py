@@ -59,7 +59,7 @@ class GroundPlacement:
 
     def __init__(self, arena: Arena, organism: Organism, level: float | None) -> None:
         self._arena, self._organism, self._level = arena, organism, level
-        self._poses = organism.find_poses()
+        self._poses = organism.compute_poses()
         self.is_snake = organism == snake(organism.num_modules, organism.scout)
 
     def lay(self, head: PlanarPose) -> LaidPose:
@@ -78,7 +78,7 @@ class GroundPlacement:
             -_LINE_MARGIN, (organism.num_modules + 1) * organism.scout.pitch + _LINE_MARGIN, _SAMPLES
         )
         x, y = head.x - np.cos(head.heading) * back, head.y - np.sin(head.heading) * back
-        heights = _roll_over(self._find_heights(x, y), organism.scout.size[2] / 2) + LIFT
+        heights = _roll_over(self._compute_heights(x, y), organism.scout.size[2] / 2) + LIFT
         return _follow_ground(back, heights, organism)
 
     def _find_top(self, head: PlanarPose) -> float:
@@ -115,7 +115,7 @@ class GroundPlacement:
     def _make_error(self, x: float, y: float) -> ArenaError:
         return ArenaError(f"the start ({x:.2f}, {y:.2f}) lies off the surface of arena {self._arena.name!r}")
 
-    def _find_heights(
+    def _compute_heights(
         self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"]
     ) -> Float[np.ndarray, " S"]:
         """Return ground heights; beyond the rim, the nearest known one along the line."""

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from symbrion_gym._src.environment.config import RANDOM_LIMITS, RANDOM_OPTIONS
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.robot.tracks import find_surface_velocity
+from symbrion_gym._src.robot.tracks import compute_surface_velocity
 
 
 class ModelFields(Protocol):
@@ -123,9 +123,9 @@ def apply_domain(world: World, fields: ModelFields, domain: Domain) -> None:
     scout, torque = world.organism.scout, world.servo_torque * domain.torque_scale
     fields.geom_friction[world.robot_geoms, 0] = domain.friction
     if len(world.patch_geoms):
-        fields.geom_friction[world.patch_geoms, 0] = world.find_patch_friction(
+        fields.geom_friction[world.patch_geoms, 0] = world.compute_patch_friction(
             domain.friction, domain.patch_friction
         )
     fields.actuator_forcerange[world.hinge_servos] = np.stack([-torque, torque], axis=-1)
     if scout.tracks == "spheres":
-        fields.geom_surfacevel[world.track_geoms] = find_surface_velocity(scout, domain.track_speed)
+        fields.geom_surfacevel[world.track_geoms] = compute_surface_velocity(scout, domain.track_speed)

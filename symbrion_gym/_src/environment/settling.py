@@ -55,11 +55,11 @@ class _Linearized(NamedTuple):
     lifting: Float[np.ndarray, " m"]
     shifting: Float[np.ndarray, "n 3 m"]
 
-    def find_merit(self, gap: float) -> float:
+    def compute_merit(self, gap: float) -> float:
         """Return what is minimized: height of the center of mass, and the deepest overlap."""
-        return self.height + _PENALTY * self.find_overlap(gap)
+        return self.height + _PENALTY * self.compute_overlap(gap)
 
-    def find_overlap(self, gap: float) -> float:
+    def compute_overlap(self, gap: float) -> float:
         """Return how much the smallest distance is below the wanted one [m]."""
         return max(0.0, gap - self.distance.min(initial=gap))
 
@@ -106,7 +106,7 @@ class Settler:
     def settle(self, qpos: Float[np.ndarray, " nq"], gap: float) -> Float[np.ndarray, " nq"]:
         """Return the pose of rest below a pose above the ground."""
         above = qpos.copy()
-        above[2] += self._linearize(qpos).find_overlap(gap)
+        above[2] += self._linearize(qpos).compute_overlap(gap)
         rough = self._lower(above, gap, _ROUGHLY)
         rough[:2] = qpos[:2]
         return self._lower(rough, gap, _SHORTEST_STEP)
@@ -118,12 +118,12 @@ class Settler:
             trial, (change, lost) = best.qpos.copy(), self._find_step(best, step, gap)
             mujoco.mj_integratePos(self._model, trial, change, 1.0)
             tried = self._linearize(trial)
-            gained = best.find_merit(gap) - tried.find_merit(gap) - lost
+            gained = best.compute_merit(gap) - tried.compute_merit(gap) - lost
             best = tried if gained > 0.0 else best
             step = step / 2 if gained < _ENOUGH else step
             if step < shortest:
                 break
-        best.qpos[2] += best.find_overlap(gap)
+        best.qpos[2] += best.compute_overlap(gap)
         return best.qpos
 
     def _linearize(self, qpos: Float[np.ndarray, " nq"]) -> _Linearized:
@@ -210,7 +210,7 @@ def _join(
     return np.hstack([rows, np.full((len(rows), 1), overlap), slides])
 
 
-def find_depth(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> float:
+def compute_depth(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> float:
     """Return how deep a pose reaches into the ground, or into itself [m]."""
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
@@ -246,5 +246,5 @@ def tumble(scene: Scene, qpos: Float[np.ndarray, " nq"], yaw: float, roll: float
 def _find_corners(organism: Organism) -> Float[np.ndarray, "C 3"]:
     """Return the corners of all modules about the center of module 0, hinges straight [m]."""
     half = np.array(organism.scout.size) / 2
-    places = np.array([(pose.x, pose.y, 0.0) for pose in organism.find_poses()])
+    places = np.array([(pose.x, pose.y, 0.0) for pose in organism.compute_poses()])
     return (places[:, None] + _CORNERS * half).reshape(-1, 3)

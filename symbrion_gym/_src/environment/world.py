@@ -26,13 +26,13 @@ from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import MAX_MODULES, SCOUT_OPTIONS, EnvironmentConfig, apply_options
 from symbrion_gym._src.environment.laying import LIFT, GroundPlacement
 from symbrion_gym._src.environment.rendering import add_scene
-from symbrion_gym._src.environment.settling import Settler, find_depth, tumble
+from symbrion_gym._src.environment.settling import Settler, compute_depth, tumble
 from symbrion_gym._src.errors import ArenaError, OrganismError
 from symbrion_gym._src.robot.body_plans import load_organism
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.organism_sensors import add_sensors
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import find_driven_wheels, find_wheel_radius, limit_wheels
+from symbrion_gym._src.robot.tracks import compute_wheel_radius, find_driven_wheels, limit_wheels
 from symbrion_gym._src.tasks.scene import Scene
 
 logger = logging.getLogger(__name__)
@@ -223,7 +223,7 @@ class World:
         follow = ids == list(range(ids[0], ids[0] + len(ids)))
         self.modules = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
         self.is_sliced = follow
-        self.wheel_radius = find_wheel_radius(organism.scout)
+        self.wheel_radius = compute_wheel_radius(organism.scout)
         joints = [model.joint(name) for name in organism.servos]
         self.hinge_qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
         self.hinge_dof = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
@@ -252,7 +252,7 @@ class World:
         patches = [found.patches[number] for number in numbers]
         return np.array([each.friction for each in patches]), np.array([each.half_width for each in patches])
 
-    def find_patch_friction(self, friction: float, place: float = 0.0) -> Float[np.ndarray, " P"]:
+    def compute_patch_friction(self, friction: float, place: float = 0.0) -> Float[np.ndarray, " P"]:
         """Return the friction of the pieces in patches.
 
         Rubber that holds better holds better everywhere: patches keep their ratio to the friction of the ground.
@@ -317,7 +317,7 @@ class World:
         if roll:
             return tumble(self.scene, qpos, route.heading + yaw, roll)
         qpos[self.hinge_qpos[: len(laid.hinges)]] = laid.hinges
-        if not self._placement.is_snake or find_depth(self.model, self._probe, qpos) > _SUNK:
+        if not self._placement.is_snake or compute_depth(self.model, self._probe, qpos) > _SUNK:
             return self._settler.settle(qpos, LIFT)
         if self.num_modules > 1:
             return qpos

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from reconstruction._src.base.range_checks import check_counts, check_positive
 from reconstruction._src.geometry.pose import make_quarter_turn
 from symbrion_gym._src.errors import OrganismError
-from symbrion_gym._src.robot.tracks import find_turning_rate
+from symbrion_gym._src.robot.tracks import compute_turning_rate
 
 _GRAVITY = 9.81
 """[m/s²]."""
@@ -45,7 +45,7 @@ class Contacts(NamedTuple):
     weights: Float[np.ndarray, " bodies"]
 
 
-def find_load_gain(friction: float, impratio: float = 1.0, time_constant: float = _TIME_CONSTANT) -> float:
+def compute_load_gain(friction: float, impratio: float = 1.0, time_constant: float = _TIME_CONSTANT) -> float:
     """Return by how much the share of a body's weight at a contact grows with the speed of sliding [s/m].
 
     A contact is a damped spring of acceleration, b = 2 / (d_max time_constant), that bears its share with impedance d.
@@ -62,7 +62,7 @@ def find_load_gain(friction: float, impratio: float = 1.0, time_constant: float 
     return friction * damping * stiff / (1.0 + friction**2 / impratio)
 
 
-def find_sliding_rate(contacts: Contacts, gain: float) -> float:
+def compute_sliding_rate(contacts: Contacts, gain: float) -> float:
     """Return the rate at which a robot turns to the left whose points of contact all slide [rad/s].
 
     Unknown are its motion and, for each body, how it lies on the ground: height and two tilts. Loads grow with depth
@@ -219,24 +219,24 @@ class Tracks:
                 continue
             for i in range(_PARTS):
                 geom = self._find(model, mujoco.mjtObj.mjOBJ_GEOM, f"{self._name(side)}_{i}")
-                model.geom_surfacevel[geom] = find_belt_velocity(self.config, speed, is_end=i < 2)
+                model.geom_surfacevel[geom] = compute_belt_velocity(self.config, speed, is_end=i < 2)
 
     def turning_rate(self, left: float, right: float, others: Sequence[Tracks] = ()) -> float:
         """Return how fast the robot turns to the left on level ground [rad/s].
 
-        Two tracks alone: `find_turning_rate`, with equal loads at the ends of the belts. With more tracks before or
-        behind, loads are as MuJoCo's contacts share the weight (`find_sliding_rate`): nearly all of it at the outermost
+        Two tracks alone: `compute_turning_rate`, with equal loads at the ends of the belts. With more tracks before or
+        behind, loads are those of MuJoCo's contacts (`compute_sliding_rate`): nearly all of it at the outermost
         ends, where belts slide fastest, so that the robot turns several times slower than on two of them.
         """
         config = self.config
         if not others:
-            return find_turning_rate(left, right, config.stations, config.gauge, config.width)
+            return compute_turning_rate(left, right, config.stations, config.gauge, config.width)
         points = np.concatenate([tracks.config.places for tracks in (self, *others)])
         points -= (points.max(axis=0) + points.min(axis=0)) / 2
         belts = np.where(points[:, 1] > 0, left, right)
         owner = np.zeros(len(points), int)
         contacts = Contacts(points, belts, owner, np.zeros((1, 2)), np.ones(1))
-        return find_sliding_rate(contacts, find_load_gain(config.friction))
+        return compute_sliding_rate(contacts, compute_load_gain(config.friction))
 
     def _name(self, side: str) -> str:
         return f"{self.prefix}belt_{side}"
@@ -250,7 +250,7 @@ class Tracks:
         return found
 
 
-def find_belt_velocity(config: TracksConfig, speed: float, is_end: bool) -> tuple[float, ...]:
+def compute_belt_velocity(config: TracksConfig, speed: float, is_end: bool) -> tuple[float, ...]:
     """Return the surface velocity of a part of a belt: linear [m/s], then angular [rad/s].
 
     It turns about the lateral axis, also in a box: MuJoCo keeps what is tangential, so that the lower side runs
@@ -321,7 +321,7 @@ def _add_belt(
     for i, x in enumerate([*config.stations, 0.0]):
         place = np.add(config.position, (x, lateral, 0.0))
         geom = _add_geom(body, f"{name}_{i}", place, share, config, is_wheel=i < 2)
-        geom.surfacevel = find_belt_velocity(config, _STILL, is_end=i < 2)
+        geom.surfacevel = compute_belt_velocity(config, _STILL, is_end=i < 2)
 
 
 def _add_wheels(

@@ -108,7 +108,7 @@ class Organism:
                 waiting.append(child)
         return tuple(parents), tuple(order)
 
-    def find_poses(self) -> list[PlanarPose]:
+    def compute_poses(self) -> list[PlanarPose]:
         """Return where each module lies when all hinges are straight, in the frame of module 0."""
         poses: dict[int, PlanarPose] = {0: PlanarPose()}
         while len(poses) < self.num_modules:
@@ -138,7 +138,7 @@ class Organism:
 
     def add_to(self, spec: mujoco.MjSpec, parent: mujoco.MjsBody) -> mujoco.MjsBody:
         """Add the organism to a model under construction and return its root."""
-        poses = self.find_poses()
+        poses = self.compute_poses()
         groups = _find_rigid_groups(self)
         root = parent.add_body(name=_name_group(groups[("chassis", 0)]))
         root.add_freejoint(name="root")
@@ -232,8 +232,8 @@ def _both_ways(docking: Docking) -> Iterator[tuple[int, str, int, str]]:
 
 def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> PlanarPose:
     """Return the pose of the module whose dock `other_side` meets this one's `side`."""
-    dock = PlanarPose(*scout.find_dock(side)).compose(PlanarPose(scout.dock_gap, 0.0, pi))
-    return dock.compose(PlanarPose(*scout.find_dock(other_side)).invert())
+    dock = PlanarPose(*scout.compute_dock(side)).compose(PlanarPose(scout.dock_gap, 0.0, pi))
+    return dock.compose(PlanarPose(*scout.compute_dock(other_side)).invert())
 
 
 def _check_dockings(organism: Organism) -> None:
@@ -244,7 +244,7 @@ def _check_dockings(organism: Organism) -> None:
         )
     used: set[tuple[int, str]] = set()
     for module, side in _ends(organism):
-        organism.scout.find_dock(side)
+        organism.scout.compute_dock(side)
         if not 0 <= module < organism.num_modules:
             raise OrganismError(f"no module {module}; there are 0 to {organism.num_modules - 1}")
         if (module, side) in used:
@@ -256,7 +256,7 @@ def _check_dockings(organism: Organism) -> None:
 
 
 def _check_overlap(organism: Organism) -> None:
-    poses = organism.find_poses()
+    poses = organism.compute_poses()
     places = np.array([(pose.x, pose.y) for pose in poses])
     distance = np.abs(places[:, None] - places[None]).max(axis=-1)
     close = np.argwhere(np.triu(distance < organism.scout.size[0] - _ROUNDING, k=1))

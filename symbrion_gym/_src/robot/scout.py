@@ -190,7 +190,7 @@ def _add_joint(
 def _add_dock(
     frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, side: str, config: ScoutConfig
 ) -> None:
-    dock = PlanarPose(*config.find_dock(side))
+    dock = PlanarPose(*config.compute_dock(side))
     site = body.add_site(
         name=f"{prefix}dock_{side}",
         pos=dock.position,

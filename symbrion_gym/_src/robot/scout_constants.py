@@ -126,7 +126,7 @@ class ScoutConfig:
         """What the two docking units add between a front and a back dock [m]."""
         return self.pitch - self.arm_reach - self.dock_reach
 
-    def find_dock(self, side: str) -> tuple[float, float, float]:
+    def compute_dock(self, side: str) -> tuple[float, float, float]:
         """Return x [m], y [m] and heading [rad] of a dock in the frame of the module.
 
         Raises:

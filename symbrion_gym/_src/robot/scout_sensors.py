@@ -30,7 +30,7 @@ _SITE_SIZE = 0.002
 def add_sensor_sites(frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, config: ScoutConfig) -> None:
     """Add the sites of a module's sensors: infrared units, accelerometers, skin, and the head's laser."""
     half = np.array(config.size) / 2
-    for side, (x, y, heading) in find_infrared_sides(config).items():
+    for side, (x, y, heading) in compute_infrared_sides(config).items():
         for k, offset in enumerate((config.ir_spacing / 2, -config.ir_spacing / 2)):
             place = PlanarPose(x, y, heading).compose(PlanarPose(0.0, offset))
             quat = make_quarter_turn(x=-np.sin(heading), y=np.cos(heading))
@@ -50,7 +50,7 @@ def add_sensor_sites(frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, 
     zone.type, zone.size, zone.rgba = mujoco.mjtGeom.mjGEOM_BOX, half + _SKIN, [0.0, 0.0, 0.0, 0.0]
 
 
-def find_infrared_sides(config: ScoutConfig) -> dict[str, tuple[float, float, float]]:
+def compute_infrared_sides(config: ScoutConfig) -> dict[str, tuple[float, float, float]]:
     """Return x, y [m] and heading [rad] of the middle between the two infrared units of each side."""
     half_x, half_y = config.size[0] / 2, config.size[1] / 2
     return {
@@ -91,7 +91,7 @@ def find_scout_rays(config: ScoutConfig | None = None) -> ScoutRays:
     """Return the rays of a lone Scout, `ir` before `laser`, as they stand in its observation."""
     config = config or ScoutConfig()
     origins, directions, ranges = [], [], []
-    sides = find_infrared_sides(config)
+    sides = compute_infrared_sides(config)
     for side in SIDES:
         x, y, heading = sides[side]
         ahead = np.array([np.cos(heading), np.sin(heading), 0.0])

@@ -41,7 +41,7 @@ def find_road_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
     return [(x, y, z) for y in (half_y, -half_y) for x, z in places]
 
 
-def find_surface_velocity(config: ScoutConfig, speed: float) -> tuple[float, ...]:
+def compute_surface_velocity(config: ScoutConfig, speed: float) -> tuple[float, ...]:
     """Return the surface velocity of a road wheel that drives forward: linear [m/s], then angular [rad/s].
 
     It turns about its own y axis.
@@ -62,7 +62,7 @@ def find_driven_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
     return [(x, y, z) for y in (_CYLINDER_LATERAL, -_CYLINDER_LATERAL) for x, z in places]
 
 
-def find_wheel_radius(config: ScoutConfig) -> float:
+def compute_wheel_radius(config: ScoutConfig) -> float:
     """Return the radius of what drives [m]."""
     return _CYLINDER_RADIUS if config.tracks in CYLINDER_TRACKS else config.track_radius
 
@@ -91,7 +91,7 @@ def add_tracks(
     for i, place in enumerate(find_road_wheels(config)):
         name, size = f"{prefix}track_{i}", [config.track_radius]
         geom = add_contact(frame, body, name, mujoco.mjtGeom.mjGEOM_SPHERE, size, config, pos=place)
-        geom.surfacevel = find_surface_velocity(config, config.track_speed)
+        geom.surfacevel = compute_surface_velocity(config, config.track_speed)
 
 
 def _add_wheels(
@@ -101,7 +101,7 @@ def _add_wheels(
 
     Wheels touch everything but other wheels, as those of a side overlap.
     """
-    radius = find_wheel_radius(config)
+    radius = compute_wheel_radius(config)
     for i, (x, y, z) in enumerate(find_driven_wheels(config)):
         place = pose.compose(PlanarPose(x, y))
         wheel = body.add_body(name=f"{prefix}wheel_{i}", pos=[place.x, place.y, z], quat=pose.quaternion)
@@ -169,17 +169,17 @@ _LEAST_SLIP = 1e-5
 """Slip below which friction grows in proportion to it [m/s]: keeps the balance smooth."""
 
 
-def find_turning_rate(
+def compute_turning_rate(
     left: float, right: float, stations: Float[np.ndarray, " S"], gauge: float, width: float
 ) -> float:
     """Return the rate at which a robot on two tracks turns to the left, on level ground under an even load [rad/s].
 
     Without slip it would be (right - left) / gauge; but where a robot turns, its belts slip sideways.
     """
-    return find_skid_motion(left, right, stations, gauge, width)[2]
+    return compute_skid_motion(left, right, stations, gauge, width)[2]
 
 
-def find_skid_motion(
+def compute_skid_motion(
     left: float,
     right: float,
     stations: Float[np.ndarray, " S"],

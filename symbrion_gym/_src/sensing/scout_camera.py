@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from reconstruction._src.base.range_checks import check_choice
-from symbrion_gym._src.arenas.surface_colors import find_distances
+from symbrion_gym._src.arenas.surface_colors import compute_distances
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.camera import CameraConfig, expose, round_to_pixels
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner
@@ -133,7 +133,7 @@ class Camera:
         places = data.site_xpos[self._row] + ranges[is_hit, None] * (finder.directions[is_hit] @ rotation.T)
         colors = np.full((len(directions), 3), _SKY)
         if is_hit.any():
-            distance = find_distances(places, self._arena.surface)
+            distance = compute_distances(places, self._arena.surface)
             is_body = distance > _ON_SURFACE
             colors[is_hit] = np.where(is_body[:, None], _BODY, self._arena.find_colors(places))
         return colors

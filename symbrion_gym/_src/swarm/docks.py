@@ -75,18 +75,18 @@ class DockFrames(NamedTuple):
     up: Float[np.ndarray, "N 4 3"]
 
 
-def find_dock_poses(
+def compute_dock_poses(
     state: SwarmState, scout: ScoutConfig | None = None
 ) -> tuple[Float[np.ndarray, "N 4 3"], Float[np.ndarray, "N 4 3"]]:
     """Return positions [m] and outward axes of the docks of all robots in the arena."""
-    frames = find_dock_frames(state, scout)
+    frames = compute_dock_frames(state, scout)
     return frames.position, frames.axis
 
 
-def find_dock_frames(state: SwarmState, scout: ScoutConfig | None = None) -> DockFrames:
-    """Return positions, axes and ups of the docks of all robots in the arena; see `find_dock_poses`."""
+def compute_dock_frames(state: SwarmState, scout: ScoutConfig | None = None) -> DockFrames:
+    """Return positions, axes and ups of the docks of all robots in the arena; see `compute_dock_poses`."""
     scout = scout or ScoutConfig()
-    places = np.array([scout.find_dock(side) for side in SIDES])
+    places = np.array([scout.compute_dock(side) for side in SIDES])
     count = len(state.position)
     local = np.zeros((count, 4, 3, 3))
     local[:, :, 0, 0], local[:, :, 0, 1] = places[:, 0], places[:, 1]
@@ -119,7 +119,7 @@ def find_matches(
     if np.count_nonzero(wanted) < 2:
         return ()
     robots, sides = np.nonzero(wanted)
-    frames = DockFrames(*(field[robots, sides] for field in find_dock_frames(state, scout)))
+    frames = DockFrames(*(field[robots, sides] for field in compute_dock_frames(state, scout)))
     first, second, distance = _find_close_pairs(frames, config, scout)
     is_other = robots[first] != robots[second]
     order = np.argsort(distance[is_other], kind="stable")

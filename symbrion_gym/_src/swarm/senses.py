@@ -11,7 +11,7 @@ from jaxtyping import Float
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.scout_sensors import SensorNoise, find_scout_rays
 from symbrion_gym._src.swarm.docks import make_organism
-from symbrion_gym._src.swarm.dynamic.assembly import find_contact_forces
+from symbrion_gym._src.swarm.dynamic.assembly import compute_contact_forces
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
 from symbrion_gym._src.swarm.sight import Sight
 from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS
@@ -152,14 +152,14 @@ def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.n
         "hinge_angle": world.state.hinge[hinged],
         "pitch": np.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0)),
         "roll": np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2]),
-        "contact": np.minimum(_find_touches(world)[modules], world.scout.contact_range),
+        "contact": np.minimum(_compute_touches(world)[modules], world.scout.contact_range),
     }
 
 
-def _find_touches(world: DynamicWorld) -> Float[np.ndarray, " N"]:
+def _compute_touches(world: DynamicWorld) -> Float[np.ndarray, " N"]:
     """Return the sum of the normal forces on each robot [N]."""
     touches = np.zeros(world.num_robots)
-    owners, forces = find_contact_forces(world.assembly, world.data)
+    owners, forces = compute_contact_forces(world.assembly, world.data)
     for side in range(2):
         is_robot = owners[:, side] >= 0
         np.add.at(touches, owners[is_robot, side], forces[is_robot, 0])

@@ -18,6 +18,7 @@ from symbrion_gym._src.tasks.audit_checks import (
     AuditLimits,
     Motion,
     Trajectory,
+    compute_progress,
     find_bad_hinges,
     find_bad_motion,
     find_bad_pace,
@@ -26,7 +27,6 @@ from symbrion_gym._src.tasks.audit_checks import (
     find_not_docked,
     find_not_faced,
     find_overlaps,
-    find_progress,
     find_unsteady_end,
 )
 from symbrion_gym._src.tasks.explore import AreaRoute, SeeGround
@@ -65,7 +65,7 @@ class _Case:
     def is_end(self) -> Bool[np.ndarray, " T"]:
         return find_end(self.motion.time, self.limits)
 
-    def find_along(self, points: Float[np.ndarray, "... 3"]) -> tuple[np.ndarray, np.ndarray]:
+    def compute_along(self, points: Float[np.ndarray, "... 3"]) -> tuple[np.ndarray, np.ndarray]:
         """Return how far along the way and how far left of its middle points are [m]."""
         angle, offset = self.scene.route.heading, self.scene.route.lateral
         ahead = points[..., 0] * np.cos(angle) + points[..., 1] * np.sin(angle)
@@ -95,7 +95,7 @@ def audit(
     faults = [
         *find_bad_hinges(hinges, scout.hinge_range + limits.hinge_slack),
         *find_bad_motion(case.motion, limits, rolled_over),
-        *find_bad_pace(case.motion, track_speed, limits, _find_progress(case, goal)),
+        *find_bad_pace(case.motion, track_speed, limits, _compute_progress(case, goal)),
         *find_overlaps(case.motion.centers, height, limits),
         *find_unsteady_end(case.motion, height, limits),
         *_find_bad_goal(case, goal),
@@ -112,10 +112,10 @@ def _find_height(scene: Scene):
     return height
 
 
-def _find_progress(case: _Case, goal: object) -> Float[np.ndarray, " T"] | None:
+def _compute_progress(case: _Case, goal: object) -> Float[np.ndarray, " T"] | None:
     if not isinstance(goal, PassFinish):
         return None
-    return find_progress(case.find_along(case.motion.centers)[0], case.scene.route.finish)
+    return compute_progress(case.compute_along(case.motion.centers)[0], case.scene.route.finish)
 
 
 def _find_bad_goal(case: _Case, goal: object) -> list[str]:
@@ -139,10 +139,10 @@ def _find_not_across(case: _Case) -> list[str]:
     faults, route, motion = [], case.scene.route, case.motion
     corners = find_last_corners(motion, case.limits)
     edge = route.finish - case.organism.scout.pitch / 2
-    missing = edge - case.find_along(corners)[0].min()
+    missing = edge - case.compute_along(corners)[0].min()
     if missing >= 0:
         faults.append(f"a module ends {1000 * missing:.0f} mm before the edge")
-    if np.abs(case.find_along(motion.centers)[1]).max() > route.half_width:
+    if np.abs(case.compute_along(motion.centers)[1]).max() > route.half_width:
         faults.append("a module left the course at the side")
     return faults
 

@@ -129,7 +129,7 @@ def find_bad_motion(motion: Motion, limits: AuditLimits, rolled_over: float | No
     return faults
 
 
-def find_progress(ahead: Float[np.ndarray, "T n"], finish: float) -> Float[np.ndarray, " T"]:
+def compute_progress(ahead: Float[np.ndarray, "T n"], finish: float) -> Float[np.ndarray, " T"]:
     """Return the mean position of the modules along a way, each counted up to the finish [m]."""
     return np.minimum(ahead, finish).mean(axis=1)
 
@@ -213,7 +213,7 @@ def find_not_faced(
     head, ahead, face, _ = _find_object_end(motion, is_end, scene, goal)
     offset = face - head
     away = np.linalg.norm(offset, axis=1)
-    x = np.array([pose.x for pose in scene.organism.find_poses()])
+    x = np.array([pose.x for pose in scene.organism.compute_poses()])
     scout = scene.organism.scout
     length = float(np.ptp(x)) + scout.dock_reach + scout.arm_reach
     angle = np.arccos(np.clip((offset * ahead).sum(axis=1) / np.maximum(away, 1e-9), -1.0, 1.0))

@@ -25,7 +25,7 @@ def find_standing(state: TaskState, rows: Int[Any, " M"]) -> Bool[Any, " M"]:
     low, high = state.criteria.ground_band
 
     def is_on_ground(some: Int[Any, " K"]) -> Bool[Any, " K"]:
-        height = state.find_height(rows[some])
+        height = state.compute_height(rows[some])
         return ((height > low) & (height < high)).all(axis=1)
 
     stands: Any = (state.up[rows] > state.criteria.upright).all(axis=1)
@@ -46,12 +46,12 @@ def find_honest(state: TaskState) -> Bool[Any, " N"]:
 def find_honest_along(state: TaskState) -> Bool[Any, " N"]:
     """Return whether each body is no farther along the way than its tracks can have taken it, and never was."""
     farthest = state.start_mean + state.track_speed * state.time + state.criteria.speed_slack
-    return (state.find_mean_along() <= farthest) & ~state.was_ahead
+    return (state.compute_mean_along() <= farthest) & ~state.was_ahead
 
 
-def find_size(state: TaskState) -> float:
+def compute_size(state: TaskState) -> float:
     """Return the distance of the farthest module from the middle of the body when it lies straight [m]."""
-    places = np.array([(pose.x, pose.y) for pose in state.organism.find_poses()])
+    places = np.array([(pose.x, pose.y) for pose in state.organism.compute_poses()])
     return float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
 
 

@@ -13,7 +13,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.placed_objects import PlacedObject, find_object
 from symbrion_gym._src.errors import ArenaError, TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.goals import find_honest, find_size, find_standing
+from symbrion_gym._src.tasks.goals import compute_size, find_honest, find_standing
 from symbrion_gym._src.tasks.paths import MAX_CORNERS, PathRoute, find_path
 from symbrion_gym._src.tasks.reach import ReachPlaces
 from symbrion_gym._src.tasks.starts import Start
@@ -73,7 +73,9 @@ class ReachObject(ReachPlaces):
         ahead = state.rotation[:, 0, 0:4:3]
         along = (offset * ahead).sum(axis=1)
         size = xp.maximum(away * xp.linalg.norm(ahead, axis=1), 1e-9)
-        return has_arrived & (along >= np.cos(self.max_angle) * size) & (away <= find_length(state.organism))
+        return (
+            has_arrived & (along >= np.cos(self.max_angle) * size) & (away <= compute_length(state.organism))
+        )
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class DockAtObject(ReachObject):
         """Find the path to a place before the object, and from there straight on until the dock meets its front."""
         route = super().find(arena, organism, start)
         assert isinstance(route, ObjectRoute)
-        last = np.array(route.face) + np.array(route.front) * (_find_ahead(organism))
+        last = np.array(route.face) + np.array(route.front) * (_compute_ahead(organism))
         given = {each.name: getattr(route, each.name) for each in fields(route)}
         if len(route.corners) >= MAX_CORNERS:
             raise ArenaError(f"the path to {self.site!r} has too many corners; give a start that is nearer")
@@ -107,7 +109,7 @@ class DockAtObject(ReachObject):
 
     def limits(self, state: TaskState) -> dict[str, float]:
         """Return the limits within which no body has docked: its middle is within its size of the end of the path."""
-        size = 2 * find_size(state) + state.organism.scout.arm_reach
+        size = 2 * compute_size(state) + state.organism.scout.arm_reach
         return {"progress": -(self.find_tolerance() + size)}
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
@@ -123,9 +125,9 @@ class DockAtObject(ReachObject):
         return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
 
 
-def find_length(organism: Organism) -> float:
+def compute_length(organism: Organism) -> float:
     """Return the length of a straight body, from the tail to its front dock [m]."""
-    x = [pose.x for pose in organism.find_poses()]
+    x = [pose.x for pose in organism.compute_poses()]
     return float(max(x) - min(x)) + organism.scout.dock_reach + organism.scout.arm_reach
 
 
@@ -135,8 +137,8 @@ def _find_front_path(
     """Return the path to the place nearest to the front of an object that can be driven to."""
     face = each.position[:2] + each.reach * each.front
     error: ArenaError | None = None
-    for gap in np.arange(_NEAREST, find_length(organism), _STEP):
-        middle = face + each.front * (_find_ahead(organism) + gap)
+    for gap in np.arange(_NEAREST, compute_length(organism), _STEP):
+        middle = face + each.front * (_compute_ahead(organism) + gap)
         try:
             path = find_path(arena, organism, start, (*places, tuple(middle.tolist())), None)
         except ArenaError as problem:
@@ -151,9 +153,9 @@ def _find_front_path(
     raise ArenaError(f"no way to the front of {site!r}: {error}")
 
 
-def _find_ahead(organism: Organism) -> float:
+def _compute_ahead(organism: Organism) -> float:
     """Return how far the front dock of a straight body is ahead of its middle [m]."""
-    x = [pose.x for pose in organism.find_poses()]
+    x = [pose.x for pose in organism.compute_poses()]
     return organism.scout.arm_reach + x[0] - float(np.mean(x))
 
 

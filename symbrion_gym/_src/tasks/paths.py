@@ -110,7 +110,7 @@ def find_room(
     heading of that way [rad].
     """
     way = find_straight_way(ground, ground.region == 0) if ground.num_regions else None
-    tail = -min(pose.x for pose in organism.find_poses()) + organism.scout.size[0]
+    tail = -min(pose.x for pose in organism.compute_poses()) + organism.scout.size[0]
     length = 0.0 if way is None else float(np.linalg.norm((way[1] - way[0])[:2]))
     if way is None or length < tail:
         raise ArenaError(

@@ -13,7 +13,7 @@ from reconstruction._src.base.range_checks import check_positive
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.goals import find_honest, find_size, find_standing
+from symbrion_gym._src.tasks.goals import compute_size, find_honest, find_standing
 from symbrion_gym._src.tasks.paths import MAX_CORNERS, PathRoute, find_path
 from symbrion_gym._src.tasks.route import Point, Route
 from symbrion_gym._src.tasks.starts import Start
@@ -68,7 +68,7 @@ class ReachPlaces:
 
     def _refuse_near_places(self, path: PathRoute, organism: Organism) -> None:
         least, tolerance = self._find_least(organism), self._measure_tolerance(organism)
-        middle = np.mean([(pose.x, pose.y) for pose in organism.find_poses()], axis=0)
+        middle = np.mean([(pose.x, pose.y) for pose in organism.compute_poses()], axis=0)
         start = np.array(path.place(path.start + middle[0], middle[1]))
         places = np.array(
             [corner for corner, exact in zip(path.corners, path.is_place, strict=True) if exact]
@@ -130,7 +130,7 @@ class ReachPlaces:
         def is_about(rows: Int[Any, " M"]) -> Bool[Any, " M"]:
             offset = state.position[rows, :, :2] - corners[rows, -1][:, None]
             away = state.xp.linalg.norm(offset, axis=2).max(axis=1)
-            return (away <= tolerance + find_size(state)) & find_standing(state, rows)
+            return (away <= tolerance + compute_size(state)) & find_standing(state, rows)
 
         has_arrived = (state.progress >= -tolerance) & find_honest(state)
         return state.confirm(has_arrived, is_about)

@@ -36,7 +36,7 @@ class FinalPose:
     def record(self, state: TaskState, active: Bool[np.ndarray, " N"]) -> None:
         """Keep the pose, as the physics goes on to the next episode."""
         position = state.remember("final_position", _find_start_position)
-        rotation = state.remember("final_rotation", _find_rotation)
+        rotation = state.remember("final_rotation", _compute_rotation)
         position[active], rotation[active] = state.position[active], state.rotation[active]
 
     def read(self, state: TaskState, row: int) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def _find_start_position(state: TaskState) -> np.ndarray:
     return state.start_position
 
 
-def _find_rotation(state: TaskState) -> np.ndarray:
+def _compute_rotation(state: TaskState) -> np.ndarray:
     return state.rotation
 
 
@@ -142,7 +142,7 @@ class GroundContacts:
         looks = state.remember("contact_looks", 0.0)
         rows = np.flatnonzero(active & (state.tick % self.every == 0))
         if len(rows):
-            touched[rows] += state.find_height(rows) < state.criteria.ground_band[1]
+            touched[rows] += state.compute_height(rows) < state.criteria.ground_band[1]
             looks[rows] += 1.0
 
     def read(self, state: TaskState, row: int) -> dict[str, Any]:

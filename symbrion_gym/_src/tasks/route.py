@@ -102,7 +102,7 @@ def _is_open(arena: Arena, ground: TraversabilityMap, way: Ends) -> bool:
     if not np.isfinite(heights[[0, -1]]).all():
         return False
     for end in (0, -1):
-        cell = ground.grid.find_cells(line[[end]])
+        cell = ground.grid.compute_cells(line[[end]])
         near = ground.sorted_heights.find_nearest(cell, heights[[end]])[0]
         if near < 0 or abs(ground.height[near] - heights[end]) > _LIES_UNDER:
             return False

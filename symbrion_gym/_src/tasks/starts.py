@@ -70,7 +70,7 @@ def place_tree(
     and the second joint, if there is one, about its own.
     """
     arms = _turn_arms(qpos[:, 7:], organism)
-    straight = organism.find_poses()
+    straight = organism.compute_poses()
     sides = {(one, other): side for one, side, other in _list_dockings(organism)}
     centers = np.zeros((len(qpos), organism.num_modules, 3))
     rotations = np.zeros((len(qpos), organism.num_modules, 3, 3))
@@ -135,7 +135,7 @@ def make_route(
         begin = foot - margins.before_foot - reach
         if place == "pit" and pit is not None:
             begin = pit[0] - margins.before_pit - reach
-        begin = max(begin, way.begin + _find_tail(organism) + organism.scout.size[0] / 2 + _NOSE)
+        begin = max(begin, way.begin + _compute_tail(organism) + organism.scout.size[0] / 2 + _NOSE)
     else:
         c, n = way.direction
         x, y = read_place("start", place)[:2]
@@ -153,6 +153,6 @@ def make_route(
     return Route(way.heading, float(begin), float(lateral), float(finish), half_width, lowest, pit)
 
 
-def _find_tail(organism: Organism) -> float:
+def _compute_tail(organism: Organism) -> float:
     """Return how far the organism reaches behind the center of module 0 [m]."""
-    return -min(pose.x for pose in organism.find_poses())
+    return -min(pose.x for pose in organism.compute_poses())

@@ -105,7 +105,7 @@ class TaskState(HostArrays):
     ) -> None:
         count = scene.organism.num_modules
         self.num, self.dt, self.criteria, self.action, self._goal = num, dt, criteria, action, goal
-        self._find_progress = check_function(f"progress of {type(goal).__name__}", goal.progress)
+        self._compute_progress = check_function(f"progress of {type(goal).__name__}", goal.progress)
         self.scenes: list[Scene] = [scene] * num
         self.measures = np.zeros((len(MEASURES), num))
         self.progress, self.way, self.tick, self.rear = self.measures[: _REAR + 1]
@@ -178,7 +178,7 @@ class TaskState(HostArrays):
             now[:] = before
         self.start_progress[rows] = self.progress[rows]
         self.start_way[rows] = self.way[rows]
-        self.start_mean[rows] = self.find_mean_along()[rows]
+        self.start_mean[rows] = self.compute_mean_along()[rows]
         self._forget(rows)
 
     def _forget(self, rows: Sequence[int]) -> None:
@@ -221,13 +221,13 @@ class TaskState(HostArrays):
         _add_up(self._addends, 1, None, self._sums)  # one after the other, whatever N is
         np.multiply(self._to_finish, self._share, self.mean_to_finish)
         if self._is_straight:
-            self._progress_and_way[...] = self._find_progress(self)
+            self._progress_and_way[...] = self._compute_progress(self)
         else:
-            self.progress[...] = self._find_progress(self)
+            self.progress[...] = self._compute_progress(self)
             x, y = (self.middle - self.start_position.mean(axis=1))[:, :2].T
             np.hypot(x, y, self.way)
 
-    def find_pace(self) -> Float[np.ndarray, " N"]:
+    def compute_pace(self) -> Float[np.ndarray, " N"]:
         """Return how far each body can have come by its tracks, with the slack that the criteria leave [m]."""
         return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
 
@@ -238,7 +238,7 @@ class TaskState(HostArrays):
         edge, their mean is h below the highest of the body, and this loss of height pays for the work of friction over
         h / mu at most, where mu is the friction.
         """
-        pace = self.find_pace()
+        pace = self.compute_pace()
         if np.count_nonzero(self.way > pace):
             height = self.position[:, :, 2]
             hang = height.max(axis=1) - add_up(height) * (1.0 / height.shape[1])
@@ -286,7 +286,7 @@ class TaskState(HostArrays):
     @property
     def height(self) -> Float[np.ndarray, "N n"]:
         """Height of each module's center above the ground [m]; NaN where there is none."""
-        return self._once("height", lambda: self.find_height(np.arange(self.num)))
+        return self._once("height", lambda: self.compute_height(np.arange(self.num)))
 
     @property
     def goal_distance(self) -> Float[np.ndarray, " N"]:
@@ -323,11 +323,11 @@ class TaskState(HostArrays):
         """Way of the first simulation; `scenes` has all."""
         return self.scenes[0].route
 
-    def find_mean_along(self) -> Float[np.ndarray, " N"]:
+    def compute_mean_along(self) -> Float[np.ndarray, " N"]:
         """Return the mean position of the modules along the way [m]."""
         return add_up(self._along) * (1.0 / self._along.shape[1])
 
-    def find_height(self, rows: Int[np.ndarray, " M"]) -> Float[np.ndarray, "M n"]:
+    def compute_height(self, rows: Int[np.ndarray, " M"]) -> Float[np.ndarray, "M n"]:
         """Return `height` of some simulations alone, as looking for the ground is slow."""
         heights = np.empty((len(rows), self.position.shape[1]))
         groups: dict[int, list[int]] = {}

@@ -124,7 +124,7 @@ class Task:
         """
         return describe(self)
 
-    def find_criteria(self, organism: Organism) -> SuccessCriteria:
+    def compute_criteria(self, organism: Organism) -> SuccessCriteria:
         """Return the limits that hold for a body."""
         return self.criteria or SuccessCriteria.of(organism.scout)
 

@@ -94,7 +94,7 @@ class FarEnd(PassFinish):
         """Find the straight way over the ground and where it ends."""
         bare = replace(arena, course=None)
         route = find_route(bare, organism, start.place, self.place, self.margins, self.pit_search)
-        tail = -min(pose.x for pose in organism.find_poses())
+        tail = -min(pose.x for pose in organism.compute_poses())
         if self.place is not None:
             return replace(route, finish=route.finish, pit=None)
         reach = float(np.linalg.norm(np.ptp(np.asarray(arena.surface.bounds), axis=0)[:2]))

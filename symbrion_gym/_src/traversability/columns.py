@@ -143,7 +143,7 @@ def find_walls(grid: Grid, pieces: list[trimesh.Trimesh], slope: float) -> Sorte
         corners = np.concatenate([np.asarray(piece.triangles, dtype=np.float64) for piece in pieces])
         points.append(_sample(corners[_is_steep(corners, slope)], grid.cell / 2))
     walls = np.concatenate(points)
-    cells = grid.find_cells(walls[:, :2])
+    cells = grid.compute_cells(walls[:, :2])
     level = np.floor(walls[:, 2] / _WALL_DETAIL).astype(np.int64)
     level -= level.min(initial=0)
     _, kept = np.unique(cells * (level.max(initial=0) + 1) + level, return_index=True)

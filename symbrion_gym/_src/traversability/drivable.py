@@ -114,7 +114,7 @@ def _find_steps(links: Int[np.ndarray, "P 8"], rises: Float[np.ndarray, "P 8"]) 
     return steps
 
 
-def find_rims(
+def compute_rims(
     grid: Grid,
     places: Places,
     links: Int[np.ndarray, "P 8"],
@@ -212,7 +212,7 @@ class TraversabilityMap:
     @cached_property
     def positions(self) -> Float[np.ndarray, "P 3"]:
         """Places as points in the world [m]."""
-        return np.column_stack([self.grid.find_centers(self.cell), self.height])
+        return np.column_stack([self.grid.compute_centers(self.cell), self.height])
 
     @cached_property
     def sorted_heights(self) -> SortedHeights:
@@ -280,7 +280,7 @@ def find_traversability(
     links = find_walkable(grid, places, ground, walls, footprint)
     wall_distance = _spread_distance(
         _make_graph(grid, links, places.height),
-        find_rims(grid, places, links, spans, walls, footprint),
+        compute_rims(grid, places, links, spans, walls, footprint),
         config.max_distance,
     )
     links = keep_upright(links, ground.gradient, footprint)

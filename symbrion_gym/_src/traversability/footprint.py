@@ -86,10 +86,10 @@ class Footprint:
         body = Organism(1) if body is None else body
         if not isinstance(body, Organism):
             raise OptionError(f"body must be an Organism or a Footprint, got {body!r}")
-        places = np.array([(pose.x, pose.y) for pose in body.find_poses()])
+        places = np.array([(pose.x, pose.y) for pose in body.compute_poses()])
         extent = np.ptp(places, axis=0) + body.scout.size[:2]
         in_a_row = round(float(extent[0] - body.scout.size[0]) / body.scout.pitch) + 1
-        hold = float(find_hold(body.scout.friction if friction is None else friction))
+        hold = float(compute_hold(body.scout.friction if friction is None else friction))
         return cls(
             length=round(float(extent[0]), 9),
             width=round(float(extent[1]), 9),
@@ -133,7 +133,7 @@ class TraversabilityConfig:
         check_not_negative(self, ("crack",), OptionError)
 
 
-def find_hold(friction: float | Float[np.ndarray, " P"]) -> Float[np.ndarray, "*P"]:
+def compute_hold(friction: float | Float[np.ndarray, " P"]) -> Float[np.ndarray, "*P"]:
     """Return the steepest slope on which tracks hold [rad]."""
     return np.asarray(_FRICTION_SHARE * np.arctan(friction))
 

@@ -34,7 +34,7 @@ class Grid(NamedTuple):
         """Number of cells."""
         return self.shape[0] * self.shape[1]
 
-    def find_cells(self, places: Float[np.ndarray, "N 2"]) -> Int[np.ndarray, " N"]:
+    def compute_cells(self, places: Float[np.ndarray, "N 2"]) -> Int[np.ndarray, " N"]:
         """Return the cell of each (x, y); -1 beyond the grid."""
         is_known = np.isfinite(places[:, 0] + places[:, 1])
         i, j = (
@@ -44,7 +44,7 @@ class Grid(NamedTuple):
         is_inside = is_known & (i >= 0) & (i < self.shape[0]) & (j >= 0) & (j < self.shape[1])
         return np.where(is_inside, i * self.shape[1] + j, -1)
 
-    def find_centers(self, cells: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
+    def compute_centers(self, cells: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
         """Return (x, y) of the centers of cells [m]."""
         steps = np.stack(np.divmod(cells, self.shape[1]), axis=1)
         return np.asarray(self.low) + (steps + 0.5) * self.cell

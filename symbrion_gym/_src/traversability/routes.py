@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
-from symbrion_gym._src.traversability.footprint import find_hold
+from symbrion_gym._src.traversability.footprint import compute_hold
 
 _SLIPPERY = 0.9
 """Ground with less than this share of the largest friction is slippery."""
@@ -185,16 +185,16 @@ def _make_cost_graph(
     graph = ground.find_graph(ground.is_drivable).tocoo()
     ample = _AMPLE_ROOM * max(ground.footprint.reach, ground.grid.cell)
     nearness = np.clip(1.0 - (ground.wall_distance - ground.footprint.reach) / ample, 0.0, 1.0)
-    slope, is_slippery = np.nan_to_num(ground.slope), find_slippery(friction)
+    slope, is_slippery = np.nan_to_num(ground.slope), select_slippery(friction)
     steepness = np.clip(slope / ground.footprint.max_slope, 0.0, 1.0) ** 2
-    steepness = np.where(is_slippery, np.maximum(steepness, (slope / find_hold(friction)) ** 2), steepness)
+    steepness = np.where(is_slippery, np.maximum(steepness, (slope / compute_hold(friction)) ** 2), steepness)
     slip = 1.0 - friction / friction.max(initial=0.0)
     cost = _WALL_COST * nearness + config.slope_cost * steepness + config.slip_cost * slip
     factor = 1.0 + (cost[graph.row] + cost[graph.col]) / 2
     return csr_matrix((graph.data * factor, (graph.row, graph.col)), graph.shape)
 
 
-def find_slippery(friction: Float[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:
+def select_slippery(friction: Float[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:
     """Return which places have clearly less friction than the least slippery one."""
     return friction < _SLIPPERY * friction.max(initial=0.0)
 
@@ -211,8 +211,8 @@ def _choose_ends(
     """Return start and goal; what is missing is chosen far from the other, with room on level ground around it."""
     if first is not None and last is not None:
         return first, last
-    is_firm = (ground.region == region) & ~find_slippery(friction)
-    roomy = _find_good_ends(ground, is_firm if is_firm.any() else ground.region == region, find_seen)
+    is_firm = (ground.region == region) & ~select_slippery(friction)
+    roomy = _select_good_ends(ground, is_firm if is_firm.any() else ground.region == region, find_seen)
     lengths = ground.find_graph(ground.is_drivable)
     if first is None and last is None:
         middle = roomy[np.argmax(ground.wall_distance[roomy])]
@@ -228,7 +228,7 @@ def _choose_ends(
     return (known, other) if first is not None else (other, known)
 
 
-def _find_good_ends(
+def _select_good_ends(
     ground: TraversabilityMap,
     inside: Bool[np.ndarray, " P"],
     find_seen: FindSeen | None,
@@ -236,7 +236,7 @@ def _find_good_ends(
     """Return places with room around them, on level ground, that the scanner saw, as far as there are such."""
     ample = _AMPLE_ROOM * ground.footprint.reach
     is_good = inside & (ground.wall_distance >= min(ample, np.median(ground.wall_distance[inside])))
-    slope = _find_steepest(ground)
+    slope = _compute_steepest(ground)
     level = _LEVEL * ground.footprint.max_roll
     is_good &= slope <= max(level, np.median(slope[is_good]))
     good = np.flatnonzero(is_good)
@@ -245,7 +245,7 @@ def _find_good_ends(
     return good[is_seen] if is_seen.any() else good
 
 
-def _find_steepest(ground: TraversabilityMap) -> Float[np.ndarray, " P"]:
+def _compute_steepest(ground: TraversabilityMap) -> Float[np.ndarray, " P"]:
     """Return the largest slope of the ground that a body stands on which turns at a place [rad]."""
     slope = np.nan_to_num(ground.slope)
     for _ in range(int(np.ceil(ground.footprint.reach / ground.grid.cell))):
@@ -292,7 +292,7 @@ def find_nearest_level(
     ground: TraversabilityMap, places: Float[np.ndarray, "N 2"], heights: Float[np.ndarray, " N"]
 ) -> Int[np.ndarray, " N"]:
     """Return the place at each (x, y) whose ground is nearest in height; -1 where there is no ground."""
-    return ground.sorted_heights.find_nearest(ground.grid.find_cells(places), heights)
+    return ground.sorted_heights.find_nearest(ground.grid.compute_cells(places), heights)
 
 
 def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name: str, storey: float) -> int:

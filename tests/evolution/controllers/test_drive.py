@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evolution._src.controllers.joints import count_tracks, find_bearing, make_drive
+from evolution._src.controllers.joints import compute_bearing, count_tracks, make_drive
 from evolution._src.errors import RunError
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
 
@@ -63,8 +63,8 @@ def test_one_track_speed_each_cannot_turn_a_snake():
 
 
 def test_a_goal_that_is_not_observed_is_straight_ahead():
-    assert find_bearing(np.ones((3, 4)), {"pitch": slice(0, 4)}).tolist() == [[0.0]] * 3
-    assert find_bearing(np.array([[9.0, 0.5, 2.0]]), {"goal_direction": slice(1, 3)}).tolist() == [[0.5]]
+    assert compute_bearing(np.ones((3, 4)), {"pitch": slice(0, 4)}).tolist() == [[0.0]] * 3
+    assert compute_bearing(np.array([[9.0, 0.5, 2.0]]), {"goal_direction": slice(1, 3)}).tolist() == [[0.5]]
 
 
 def test_numbers_of_tracks():

@@ -70,5 +70,5 @@ def test_a_positive_angle_is_the_inclination_ahead_minus_that_of_the_own_module(
         axes = [data.site(f"module_{i}").xmat.reshape(3, 3)[2] for i in range(organism.num_modules)]
         pitch = np.array([[np.arcsin(axis[0]) for axis in axes]])
         roll = np.array([[np.arctan2(axis[1], axis[2]) for axis in axes]])
-        inclination = joints.find_inclination_ahead(pitch, roll if joints.has_rolls else None)[0, hinge]
+        inclination = joints.compute_inclination_ahead(pitch, roll if joints.has_rolls else None)[0, hinge]
         assert inclination - pitch[0, own] == pytest.approx(0.3)

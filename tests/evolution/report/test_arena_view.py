@@ -29,7 +29,7 @@ def draw(arena: sg.Arena, *layers: str) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=float)
 
 
-def find_share(pixels: np.ndarray, channel: int) -> float:
+def compute_share(pixels: np.ndarray, channel: int) -> float:
     """Return the share of pixels in which one channel is much larger than the others."""
     others = np.delete(pixels, channel, axis=2).max(axis=2)
     return float((pixels[..., channel] - others > 25).mean())
@@ -37,9 +37,9 @@ def find_share(pixels: np.ndarray, channel: int) -> float:
 
 def test_layers_have_their_colors(truth: sg.Arena) -> None:
     surface, ground = draw(truth, "surface"), draw(truth, "surface", "drivable")
-    assert find_share(surface, 1) == 0.0
-    assert find_share(ground, 1) > 0.03
-    assert find_share(ground, 2) > 0.03  # the smaller region
+    assert compute_share(surface, 1) == 0.0
+    assert compute_share(ground, 1) > 0.03
+    assert compute_share(ground, 2) > 0.03  # the smaller region
     contact = draw(truth, "surface", "contact")
     assert (np.ptp(contact, axis=2) > 25).mean() > 0.05
     assert (np.ptp(surface, axis=2) > 25).mean() < 0.001
@@ -55,7 +55,7 @@ def test_colors_of_a_scan_are_grays_below_other_layers() -> None:
     assert np.ptp(grays, axis=1).max() == 0.0
     ground = draw(arena, "surface", "drivable")
     plain = draw(sg.load_arena("truth"), "surface", "drivable")
-    assert abs(find_share(ground, 1) - find_share(plain, 1)) < 0.05
+    assert abs(compute_share(ground, 1) - compute_share(plain, 1)) < 0.05
 
 
 def test_equal_arenas_give_equal_pictures(truth: sg.Arena) -> None:

@@ -12,7 +12,7 @@ def test_every_module_is_a_square_where_it_lies():
     figure = draw_bodies([body], ["a cross"])
     (axes,) = figure.axes
     squares = [np.mean(patch.get_xy()[:4], axis=0) for patch in axes.patches if isinstance(patch, Polygon)]
-    poses = body.to_organism().find_poses()
+    poses = body.to_organism().compute_poses()
     assert np.allclose(sorted(map(tuple, squares)), sorted((-pose.y, pose.x) for pose in poses))
     assert axes.get_title() == "a cross"
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from evolution import report
-from evolution._src.report.figures import DPI, encode_png, find_width
+from evolution._src.report.figures import DPI, compute_width, encode_png
 from symbrion_gym._src.arenas.course import Course
 
 
@@ -50,8 +50,8 @@ def test_equal_figures_are_equal_files() -> None:
 
 def test_a_sharp_picture_is_not_shown_larger() -> None:
     pixels = np.zeros((40, 300, 3), np.uint8)
-    assert find_width(encode_png(pixels)) == 300
-    assert find_width(encode_png(pixels, 2 * DPI)) == 150
+    assert compute_width(encode_png(pixels)) == 300
+    assert compute_width(encode_png(pixels, 2 * DPI)) == 150
 
 
 def test_large_triangles_are_hidden_by_what_is_before_them() -> None:

@@ -12,8 +12,8 @@ from reconstruction._src.geometry.halfspaces import (
     make_solid,
 )
 from reconstruction._src.geometry.outlines import (
-    find_bounds,
-    find_hull_outline,
+    compute_bounds,
+    compute_hull_outline,
     find_outline,
     is_within,
     measure_area,
@@ -39,11 +39,11 @@ def test_the_hull_of_a_box_is_the_box_and_flat_points_have_none():
 
 def test_a_prism_under_a_ridge():
     tops = np.array([[-1.0, 0.0, 1.0, -1.0], [1.0, 0.0, 1.0, -3.0]])  # z <= 1 + x and z <= 3 - x
-    prism = make_prism(find_bounds(SQUARE), tops, 0.0)
+    prism = make_prism(compute_bounds(SQUARE), tops, 0.0)
     assert prism is not None
     assert prism.volume == pytest.approx(2.0 * 3.0)
     np.testing.assert_allclose(prism.bounds, [[0, 0, 0], [2, 2, 2]], atol=1e-6)
-    assert make_prism(find_bounds(SQUARE), tops, 2.5) is None
+    assert make_prism(compute_bounds(SQUARE), tops, 2.5) is None
     assert make_solid(np.zeros((4, 4)), None) is None
 
 
@@ -59,11 +59,11 @@ def test_outlines_are_measured():
 
 def test_an_outline_has_few_corners():
     angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
-    outline = find_hull_outline(np.column_stack([np.cos(angle), np.sin(angle)]))
+    outline = compute_hull_outline(np.column_stack([np.cos(angle), np.sin(angle)]))
     assert outline is not None
     assert len(outline) <= 24
     assert measure_area(outline) == pytest.approx(np.pi, rel=0.02)
-    assert find_hull_outline(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])) is None
+    assert compute_hull_outline(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])) is None
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, -1.2])

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from reconstruction._src.geometry.pose import (
     PlanarPose,
     compose_planar,
-    find_planar_step,
+    compute_planar_step,
     make_pose,
     make_quarter_turn,
     make_quaternion,
@@ -71,7 +71,7 @@ def test_planar_rows_compose_as_matrices_do():
     first, step = np.array([1.0, -2.0, 0.4]), np.array([0.3, 0.2, -0.9])
     second = compose_planar(first, step)
     np.testing.assert_allclose(make_pose(*second), make_pose(*first) @ make_pose(*step), atol=1e-14)
-    np.testing.assert_allclose(find_planar_step(first, second), step, atol=1e-14)
+    np.testing.assert_allclose(compute_planar_step(first, second), step, atol=1e-14)
     composed = PlanarPose(*first).compose(PlanarPose(*step))
     np.testing.assert_allclose([composed.x, composed.y, composed.heading], second, atol=1e-14)
 

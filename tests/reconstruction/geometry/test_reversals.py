@@ -3,7 +3,7 @@
 import numpy as np
 
 from reconstruction._src.geometry.orientation import (
-    find_components,
+    compute_components,
     orient_to_viewpoints,
     turn_reversed_parts,
 )
@@ -29,7 +29,7 @@ def test_a_part_with_votes_for_its_back_is_cut_off_and_turned():
     np.testing.assert_array_equal(rise < 0, is_back)
     np.testing.assert_array_equal(mesh.vertices[: len(vertices)], vertices)
     assert len(mesh.vertices) == len(vertices) + 21
-    part = find_components(mesh.faces, len(mesh.vertices))
+    part = compute_components(mesh.faces, len(mesh.vertices))
     assert part.max() == 1
     np.testing.assert_array_equal(part == part[0], is_back == is_back[0])
     assert count_topology(mesh.faces, len(mesh.vertices)).is_manifold

@@ -6,9 +6,9 @@ import pytest
 from reconstruction._src.geometry.rows import (
     all_corners,
     any_corner,
+    compute_extent,
+    compute_lengths,
     cross_rows,
-    find_extent,
-    find_lengths,
     sum_rows,
 )
 
@@ -19,14 +19,14 @@ def test_rows_are_numpys(shape: tuple[int, ...], dtype: type) -> None:
     rng = np.random.default_rng(0)
     first, second = (rng.normal(size=(2, *shape)) * 10 ** rng.uniform(-8, 8, (2, *shape))).astype(dtype)
     np.testing.assert_array_equal(sum_rows(first * second), (first * second).sum(axis=-1))
-    np.testing.assert_array_equal(find_lengths(first), np.linalg.norm(first, axis=-1))
+    np.testing.assert_array_equal(compute_lengths(first), np.linalg.norm(first, axis=-1))
     np.testing.assert_array_equal(cross_rows(first, second), np.cross(first, second))
     assert cross_rows(first, second).dtype == dtype
 
 
 def test_extent() -> None:
     points = np.random.default_rng(1).normal(size=(100, 3))
-    low, high = find_extent(points)
+    low, high = compute_extent(points)
     np.testing.assert_array_equal(low, points.min(axis=0))
     np.testing.assert_array_equal(high, points.max(axis=0))
 

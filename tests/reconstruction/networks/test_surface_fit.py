@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from reconstruction._src.networks.surface_fit import fit_surface, make_ring
-from reconstruction._src.surfaces.quality import find_distances
+from reconstruction._src.surfaces.quality import compute_distances
 
 
 def make_roof(half: int = 8) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +30,7 @@ def test_the_fit_brings_the_faces_to_the_samples_and_the_rim_out():
     vertices, faces = make_roof()
     samples = make_samples()
     fitted = fit_surface(vertices, faces, samples)
-    before, after = find_distances(samples, vertices, faces), find_distances(samples, fitted, faces)
+    before, after = compute_distances(samples, vertices, faces), compute_distances(samples, fitted, faces)
     assert after.mean() < 0.3 * before.mean()
     assert fitted[:, 1].max() > 0.97
     assert vertices[:, 1].max() == pytest.approx(0.9)

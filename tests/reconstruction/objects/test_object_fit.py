@@ -8,7 +8,7 @@ from benchmarks.material.known_objects import make_socket
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.objects.background import find_background, find_planes, measure_noise
 from reconstruction._src.objects.matching import align
-from reconstruction._src.objects.model import ObjectsConfig, find_angle, make_model, make_turn
+from reconstruction._src.objects.model import ObjectsConfig, compute_angle, make_model, make_turn
 from reconstruction._src.objects.verification import Beams, cast, verify_by_beams, verify_by_distance
 from reconstruction._src.scans.cloud import Cloud
 
@@ -46,7 +46,7 @@ def test_a_fit_ends_at_the_true_pose(socket, beams):
     for is_exact, limit in ((False, 0.02), (True, 0.01)):
         poses, worth = align(socket, start[None], points, toward, NOISE, is_exact=is_exact)
         assert np.linalg.norm(poses[0][:3, 3]) < limit
-        assert find_angle(poses[0][:3, :3], np.eye(3)) < np.deg2rad(6.0)
+        assert compute_angle(poses[0][:3, :3], np.eye(3)) < np.deg2rad(6.0)
         assert worth[0] > 0.4 * len(points)
 
 

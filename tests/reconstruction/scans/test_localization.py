@@ -9,7 +9,7 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import make_pose
 from reconstruction._src.scans.localization import (
     LocalizationConfig,
-    find_pitch,
+    estimate_pitch,
     localize,
     match_scans,
     measure_localization,
@@ -66,8 +66,8 @@ def test_the_sway_of_the_scanner_gives_the_pitch():
     pitch = np.radians(0.7) * rng.standard_normal(500)
     height = 0.3
     matched = true + np.outer(height * np.sin(pitch), [np.cos(0.5), np.sin(0.5), 0])
-    assert np.std(find_pitch(matched, true, height) - pitch) < 0.15 * np.std(pitch)
-    np.testing.assert_array_equal(find_pitch(matched, true, 0.01), 0)
+    assert np.std(estimate_pitch(matched, true, height) - pitch) < 0.15 * np.std(pitch)
+    np.testing.assert_array_equal(estimate_pitch(matched, true, 0.01), 0)
 
 
 def test_equal_scans_give_equal_tracks():

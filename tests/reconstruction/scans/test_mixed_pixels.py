@@ -10,9 +10,9 @@ from reconstruction._src.scans import mixed_pixels
 from reconstruction._src.scans.mixed_pixels import (
     find_jumps,
     find_mixed_beams,
-    find_needed_beams,
     find_noise,
     find_step,
+    select_needed_beams,
 )
 from reconstruction._src.scans.scan import ScanLog
 
@@ -240,12 +240,12 @@ def test_a_wall_at_a_low_angle_stays_and_most_of_a_veil_goes():
     poses[:, 2, 3] = 0.1 * np.arange(40)
     log = ScanLog(wall, angles, poses)
     is_mixed = find_mixed_beams(log.ranges, log.angles)
-    is_needed = find_needed_beams(log, is_mixed)
+    is_needed = select_needed_beams(log, is_mixed)
     far = (wall[:, :20] > 4.0) & (wall[:, :20] < 9.0)
     assert is_mixed[:, :20][far].mean() > 0.5
     assert (is_mixed & ~is_needed)[:, :20][far].mean() < 0.15
     assert is_mixed[:, 79].mean() > 0.9
     assert is_needed[:, 79].mean() < 0.25
     assert not (is_needed & ~is_mixed).any()
-    assert not find_needed_beams(log, np.zeros_like(is_mixed)).any()
-    assert not find_needed_beams(log, np.ones_like(is_mixed)).any()
+    assert not select_needed_beams(log, np.zeros_like(is_mixed)).any()
+    assert not select_needed_beams(log, np.ones_like(is_mixed)).any()

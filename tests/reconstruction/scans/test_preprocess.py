@@ -12,7 +12,7 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import make_pose
 from reconstruction._src.scans import mixed_pixels
 from reconstruction._src.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
-from reconstruction._src.scans.leveling import LevelingConfig, find_declination, level_floor
+from reconstruction._src.scans.leveling import LevelingConfig, estimate_declination, level_floor
 from reconstruction._src.scans.mixed_pixels import find_jumps, find_mixed_beams
 from reconstruction._src.scans.preprocess import PreprocessConfig, preprocess, remove_mixed_pixels
 from reconstruction._src.scans.scan import ScanLog
@@ -76,7 +76,7 @@ def test_the_floor_is_level_after_leveling():
 def test_declination_is_found_next_to_a_plateau_and_through_noise(step_at):
     roll = np.radians(np.linspace(-2, 2, 21))
     log = make_log(roll, step_at=step_at, noise=0.006)
-    error = np.degrees(np.abs(np.abs(find_declination(log)) - np.abs(roll)))
+    error = np.degrees(np.abs(np.abs(estimate_declination(log)) - np.abs(roll)))
     assert error.max() < 0.1
 
 
@@ -316,7 +316,9 @@ def test_options_of_a_step_replace_those_of_its_settings():
     )
     wide = SmoothingConfig(window=9)
     np.testing.assert_array_equal(smooth_ranges(log, 9).ranges, smooth_ranges(log, config=wide).ranges)
-    assert np.abs(find_declination(log, LevelingConfig(max_tilt=np.radians(1.0)))).max() < np.radians(1.01)
+    assert np.abs(estimate_declination(log, LevelingConfig(max_tilt=np.radians(1.0)))).max() < np.radians(
+        1.01
+    )
 
 
 @pytest.mark.parametrize(

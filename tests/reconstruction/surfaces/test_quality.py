@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction._src.surfaces.quality import count_topology, find_distances, measure_quality
+from reconstruction._src.surfaces.quality import compute_distances, count_topology, measure_quality
 
 
 def make_sheet(nx: int, ny: int) -> trimesh.Trimesh:
@@ -64,7 +64,7 @@ def test_no_faces_is_a_result_too():
 
 def test_distances_go_to_the_faces_not_to_the_vertices():
     sheet = make_sheet(2, 2)
-    found = find_distances(np.array([[0.5, 0.4, 0.3], [2.0, 0.5, 0.0]]), sheet.vertices, sheet.faces)
+    found = compute_distances(np.array([[0.5, 0.4, 0.3], [2.0, 0.5, 0.0]]), sheet.vertices, sheet.faces)
     np.testing.assert_allclose(found, [0.3, 1.0])
 
 

@@ -6,7 +6,7 @@ import trimesh
 
 from reconstruction._src.surfaces.primitives.find import Primitives
 from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
-from symbrion_gym._src.arenas.primitives import find_beam_cost, pays
+from symbrion_gym._src.arenas.primitives import compute_beam_cost, pays
 
 NONE = Primitives([], 0.004, PrimitivesConfig())
 
@@ -27,18 +27,18 @@ def make_floor(half: float) -> Primitives:
 def test_two_triangles_in_one_box_cost_its_node_and_two_leaves():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]], float)
     square = trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], process=False)
-    assert 1.0 <= find_beam_cost(square, NONE) <= 3.5  # MuJoCo turns the mesh into its own frame
+    assert 1.0 <= compute_beam_cost(square, NONE) <= 3.5  # MuJoCo turns the mesh into its own frame
 
 
 def test_cost_is_the_same_at_any_scale():
     ground = make_ground()
     larger = ground.copy().apply_scale(10.0)
-    assert find_beam_cost(larger, NONE) == pytest.approx(find_beam_cost(ground, NONE), rel=0.02)
+    assert compute_beam_cost(larger, NONE) == pytest.approx(compute_beam_cost(ground, NONE), rel=0.02)
 
 
 def test_a_rectangle_pays_where_it_replaces_most_triangles():
     ground = make_ground()
-    assert find_beam_cost(ground, make_floor(0.95)) < 0.5 * find_beam_cost(ground, NONE)
+    assert compute_beam_cost(ground, make_floor(0.95)) < 0.5 * compute_beam_cost(ground, NONE)
     assert pays(ground, make_floor(0.95))
     assert not pays(ground, make_floor(0.2))
     assert pays(ground, NONE)

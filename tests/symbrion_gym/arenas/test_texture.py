@@ -81,7 +81,7 @@ def test_a_texel_shows_the_place_that_its_corners_say():
     mesh = make_ground()
     triangles = np.asarray(mesh.triangles)
     atlas = make_atlas(triangles, 0.02)
-    uv = atlas.find_uv()
+    uv = atlas.compute_uv()
     for at, face, places in iterate_texels(atlas, triangles):
         center = np.column_stack([(at[:, 0] + 0.5) / atlas.width, 1 - (at[:, 1] + 0.5) / atlas.height])
         weights = trimesh.triangles.points_to_barycentric(triangles[face], places)

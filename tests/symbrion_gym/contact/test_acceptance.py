@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym._src.contact.acceptance import find_fault, find_miss
+from symbrion_gym._src.contact.acceptance import compute_miss, find_fault
 from symbrion_gym._src.contact.kinds import Contact
 from symbrion_gym._src.contact.options import find_accuracy
 from symbrion_gym._src.contact.quality import ArenaQuality
@@ -53,12 +53,12 @@ def test_one_that_misses_is_replaced_by_one_that_misses_less():
 
 
 def test_more_pieces_than_allowed_are_worse_than_any_distance():
-    assert find_miss(make(count=101), 0.003, 100) > find_miss(make(mean=5.0, p95=9.0), 0.003, 100)
+    assert compute_miss(make(count=101), 0.003, 100) > compute_miss(make(mean=5.0, p95=9.0), 0.003, 100)
 
 
 def test_uncovered_counts_where_five_centimeters_are_more_than_what_is_wanted():
-    assert find_miss(make(uncovered=0.5), 0.003, 100) > 1
-    assert find_miss(make(uncovered=0.5), 0.3, 100) < 1
+    assert compute_miss(make(uncovered=0.5), 0.003, 100) > 1
+    assert compute_miss(make(uncovered=0.5), 0.3, 100) < 1
 
 
 def test_default_accuracy_follows_noise_and_is_never_finer_than_a_limit():

@@ -6,7 +6,7 @@ import trimesh
 from constants import with_constants
 
 from symbrion_gym._src.contact import visibility
-from symbrion_gym._src.contact.inside import find_depths, find_planes
+from symbrion_gym._src.contact.inside import compute_depths, find_planes
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.contact.visibility import (
@@ -154,8 +154,8 @@ def test_viewpoints_that_do_not_exist_are_refused(seen_from):
 def test_depths_in_two_overlapping_boxes():
     pieces = [make_box([0, 0, 0], [1, 1, 1]), make_box([0.5, 0, 0], [1.5, 1, 1])]
     points = np.array([[0.2, 0.5, 0.5], [0.75, 0.5, 0.5], [0.9, 0.5, 0.5], [2, 0.5, 0.5], [0, 0.5, 0.5]])
-    assert find_depths(points, pieces) == pytest.approx([0.2, 0.25, 0.4, 0.0, 0.0])
-    assert len(find_depths(points[:0], pieces)) == 0
+    assert compute_depths(points, pieces) == pytest.approx([0.2, 0.25, 0.4, 0.0, 0.0])
+    assert len(compute_depths(points[:0], pieces)) == 0
 
 
 def test_planes_of_a_box_do_not_depend_on_its_winding():

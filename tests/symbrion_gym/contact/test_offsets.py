@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym._src.contact.inside import find_nearest, find_offsets, join_meshes
+from symbrion_gym._src.contact.inside import compute_offsets, find_nearest, join_meshes
 from symbrion_gym._src.contact.kinds import HeightField
 
 SLAB = trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])
@@ -14,7 +14,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def find_above(points: np.ndarray, contact) -> np.ndarray:
-    return find_offsets(points, np.tile(UP, (len(points), 1)), contact)
+    return compute_offsets(points, np.tile(UP, (len(points), 1)), contact)
 
 
 def test_offsets_from_a_slab():
@@ -25,7 +25,7 @@ def test_offsets_from_a_slab():
 def test_a_thin_slab_far_before_the_surface_stands_in_front_of_it():
     below = np.array([[1.0, 1.0, -0.5]])
     assert find_above(below, [SLAB]) == pytest.approx([0.3])
-    assert find_offsets(below, -UP[None], [SLAB]) == pytest.approx([-0.3])
+    assert compute_offsets(below, -UP[None], [SLAB]) == pytest.approx([-0.3])
 
 
 def test_offsets_from_nothing():

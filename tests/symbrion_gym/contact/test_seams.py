@@ -6,10 +6,10 @@ import trimesh
 
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import (
+    compute_halfspaces,
+    compute_tops,
     find_box,
-    find_halfspaces,
     find_inner_point,
-    find_tops,
     make_solid,
 )
 from reconstruction._src.geometry.rows import make_hull
@@ -45,14 +45,14 @@ def ground() -> Elevation:
 
 def test_halfspaces_give_the_solid_back():
     solid = extrude(WEDGE)[0]
-    halfspaces = find_halfspaces(solid)
+    halfspaces = compute_halfspaces(solid)
     assert len(halfspaces) == 6
     inner = find_inner_point(halfspaces)
     assert inner is not None
     again = make_solid(halfspaces, inner)
     assert again is not None
     assert again.volume == pytest.approx(solid.volume, rel=1e-6)
-    tops = find_tops(halfspaces, np.array([[0.5, 0.0], [1.2, 0.0], [2.0, 0.0]]))
+    tops = compute_tops(halfspaces, np.array([[0.5, 0.0], [1.2, 0.0], [2.0, 0.0]]))
     np.testing.assert_allclose(tops, [0.25, 0.125, -np.inf], atol=1e-6)
 
 
@@ -118,5 +118,5 @@ def test_a_wall_is_not_left_hollow():
     ground = Elevation(trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False))
     boxes = turn_into_boxes(course, ground)
     inside = np.array([0.205, 0.0, 0.0]) + np.linspace(0.02, 0.33, 20)[:, None] * [0, 0, 1]
-    levels = [(inside @ h[:, :3].T + h[:, 3]).max(axis=1) for h in (find_halfspaces(box) for box in boxes)]
+    levels = [(inside @ h[:, :3].T + h[:, 3]).max(axis=1) for h in (compute_halfspaces(box) for box in boxes)]
     assert np.min(levels, axis=0).max() < 1e-3

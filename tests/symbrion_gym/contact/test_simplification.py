@@ -7,7 +7,7 @@ import trimesh
 from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.contact.distances import SurfaceDistance
-from symbrion_gym._src.contact.simplification import find_simple, is_drawn, list_counts, simplify_surface
+from symbrion_gym._src.contact.simplification import is_drawn, list_counts, select_simple, simplify_surface
 
 RISE, RUN, STEPS = 0.17, 0.28, 6
 
@@ -33,7 +33,7 @@ def test_no_place_of_a_drawn_surface_is_far_off(stairs):
     distance, counts = SurfaceDistance(stairs), list_counts(len(stairs.faces))
     worst = {}
     for is_exact in (False, True):
-        index = find_simple(stairs, distance, 0.003, is_exact=is_exact)
+        index = select_simple(stairs, distance, 0.003, is_exact=is_exact)
         simple = simplify_surface(stairs, counts[index])
         worst[is_exact] = distance.measure_mesh(np.asarray(simple.vertices), np.asarray(simple.faces)).max()
     assert worst[True] <= 0.009 < worst[False]

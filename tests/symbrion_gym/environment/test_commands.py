@@ -59,7 +59,7 @@ def test_the_speed_of_the_head_is_the_mean_of_its_sides():
     commands = Commands(world, 1)
     commands.begin(0, np.zeros(1), 0.1)
     commands.take(np.array([[0.0, 1.0, -0.5, 0.3, 0.3]]))
-    assert commands.find_head_speed() == pytest.approx(0.1 * 0.25)
+    assert commands.compute_head_speed() == pytest.approx(0.1 * 0.25)
 
 
 def test_what_is_not_a_number_is_refused_where_a_simulation_is_stepped():

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.settling import Settler, find_depth
+from symbrion_gym._src.environment.settling import Settler, compute_depth
 
 _BODY = """
 <body name="trunk" pos="0 0 {height}">
@@ -41,7 +41,7 @@ def test_over_an_edge_the_hinge_bends() -> None:
     qpos = settler.settle(model.qpos0.copy(), 0.002)
     assert qpos[2] == pytest.approx(0.152, abs=1e-3)
     assert 0.2 < qpos[7] < 1.0
-    assert abs(find_depth(model, mujoco.MjData(model), qpos)) < 1e-9
+    assert abs(compute_depth(model, mujoco.MjData(model), qpos)) < 1e-9
 
 
 def test_on_a_slope_it_tilts_and_does_not_slide() -> None:
@@ -57,7 +57,7 @@ def test_what_is_in_the_ground_is_lifted() -> None:
     model, settler = make_settler('<geom type="plane" size="5 5 0.1"/>')
     qpos = model.qpos0.copy()
     qpos[2] = 0.03
-    assert find_depth(model, mujoco.MjData(model), qpos) == pytest.approx(0.02)
+    assert compute_depth(model, mujoco.MjData(model), qpos) == pytest.approx(0.02)
     assert settler.settle(qpos, 0.002)[2] == pytest.approx(0.052, abs=1e-5)
 
 

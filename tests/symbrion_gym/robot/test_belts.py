@@ -8,7 +8,7 @@ import pytest
 
 import symbrion_gym as sg
 from symbrion_gym._src.robot.belts import BELT_MODELS, Tracks
-from symbrion_gym._src.robot.tracks import find_turning_rate
+from symbrion_gym._src.robot.tracks import compute_turning_rate
 
 STEPS = 1000
 
@@ -69,10 +69,10 @@ def test_it_turns_as_stated_and_on_the_spot(model: str, left: float, right: floa
 
 def test_the_turning_rate_of_points_at_the_corners_is_that_of_the_formula() -> None:
     half, reach, speed = 0.15, 0.1, 0.2
-    rate = find_turning_rate(-speed, speed, np.array([-reach, reach]), 2 * half, 1e-6)
+    rate = compute_turning_rate(-speed, speed, np.array([-reach, reach]), 2 * half, 1e-6)
     assert rate == pytest.approx(speed * half / (half**2 + reach**2), rel=1e-3)
-    assert find_turning_rate(-speed, speed, np.array([0.0]), 2 * half, 1e-6) == pytest.approx(speed / half)
-    assert find_turning_rate(speed, speed, np.array([-reach, reach]), 2 * half, 0.05) == pytest.approx(0.0)
+    assert compute_turning_rate(-speed, speed, np.array([0.0]), 2 * half, 1e-6) == pytest.approx(speed / half)
+    assert compute_turning_rate(speed, speed, np.array([-reach, reach]), 2 * half, 0.05) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("model", BELT_MODELS)

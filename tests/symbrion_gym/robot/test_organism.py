@@ -47,7 +47,7 @@ def test_two_chassis_back_to_back_are_one_rigid_part():
     body = Organism(2, (Docking(0, "back", 1, "back"),))
     model = body.spec().compile()
     assert model.nv == 6
-    poses = body.find_poses()
+    poses = body.compute_poses()
     assert poses[1].heading % (2 * np.pi) == pytest.approx(np.pi)
 
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from reconstruction._src.knowledge.slip.drags import find_friction
-from reconstruction._src.knowledge.slip.patches import find_friction_patches
+from reconstruction._src.knowledge.slip.patches import estimate_friction_patches
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.making import choose_friction
@@ -30,7 +30,7 @@ def test_a_patch_and_the_ground_are_felt() -> None:
     readings = drive_lanes(Arena.from_course(ICED), ROBOT, np.random.default_rng(0))
     again = drive_lanes(Arena.from_course(ICED), ROBOT, np.random.default_rng(0))
     assert (readings.forces == again.forces).all(), "equal seeds give equal readings"
-    felt = find_friction_patches(find_friction(readings))
+    felt = estimate_friction_patches(find_friction(readings))
     ground = choose_friction(None, None, None, felt)
     assert ground.source == "estimated"
     assert ground.friction == pytest.approx(0.6, abs=0.05)

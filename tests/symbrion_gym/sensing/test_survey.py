@@ -22,7 +22,7 @@ QUICK = SurveyRobot(speed=0.5, scan_rate=8.0, rest=2.0)
 PATH = [[-1.0, 1.6], [0.2, 2.8], [1.4, 1.6]]
 
 
-def find_distances(points: np.ndarray) -> np.ndarray:
+def compute_distances(points: np.ndarray) -> np.ndarray:
     squared = igl.point_mesh_squared_distance(points, np.asarray(SURFACE.vertices), np.asarray(SURFACE.faces))
     return np.sqrt(squared[0])
 
@@ -71,7 +71,7 @@ def test_levelling_finds_the_shaking(log):
 
 def test_the_points_lie_on_the_surface(log):
     points = preprocess(log)
-    distances = find_distances(points)
+    distances = compute_distances(points)
     assert len(points) > 2000
     assert np.median(distances) < 0.005
     assert np.mean(distances > 0.03) < 0.002
@@ -92,7 +92,7 @@ def test_without_errors_the_readings_are_exact():
     log = survey(SURFACE, path=PATH, sensor=robot, seed=0)
     exact = log.replace(poses=log.truth.robot_poses @ log.mount).points()
     inside = ((exact[:, :2] > log.box[0, :2]) & (exact[:, :2] < log.box[1, :2])).all(axis=1)
-    assert find_distances(exact[inside]).max() < 1e-5
+    assert compute_distances(exact[inside]).max() < 1e-5
     assert not log.truth.is_mixed.any()
 
 
@@ -106,7 +106,7 @@ def test_the_default_path_sees_everything():
     points = preprocess(log)
     truth = trimesh.sample.sample_surface(SURFACE, 5000, seed=0)[0]
     assert cKDTree(points).query(truth)[0].max() < 0.06
-    assert np.mean(find_distances(points) > 0.03) < 0.001
+    assert np.mean(compute_distances(points) > 0.03) < 0.001
 
 
 def test_the_default_path_keeps_off_the_arena_and_closes():

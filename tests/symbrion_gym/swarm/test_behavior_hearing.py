@@ -8,16 +8,16 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_sensors import find_scout_rays
 from symbrion_gym._src.swarm.behavior.hearing import (
     HearingConfig,
-    find_brightness,
+    compute_brightness,
     find_geometry,
     hear,
     read_wires,
 )
 from symbrion_gym._src.swarm.behavior.percepts import BACK, LEFT, Wired, Words
-from symbrion_gym._src.swarm.behavior.sensing import find_drop, make_scout
-from symbrion_gym._src.swarm.docks import find_dock_poses
+from symbrion_gym._src.swarm.behavior.sensing import compute_drop, make_scout
+from symbrion_gym._src.swarm.docks import compute_dock_poses
 from symbrion_gym._src.swarm.kinematic.motion import choose_roots
-from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS, find_readings, find_units
+from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS, compute_readings, find_units
 from symbrion_gym._src.swarm.world import SwarmState
 
 EXACT = HearingConfig(bearing_noise=0.0, departure_noise=0.0, bias=0.0, distance_noise=0.0, loss=0.0)
@@ -62,12 +62,12 @@ def test_a_dock_is_as_bright_as_the_signals_have_it(x: float, y: float, heading:
     state = place((0.0, 0.0, 0.0), (x, y, heading))._replace(hinge=np.array([0.0, np.pi / 2]))
     light, (docks, axes), (units, looks) = (
         EXACT.light,
-        find_dock_poses(state),
+        compute_dock_poses(state),
         find_units(state, make_scout()),
     )
-    readings = find_readings(docks[0, BACK], axes[0, BACK], units[1], looks[1], light)
+    readings = compute_readings(docks[0, BACK], axes[0, BACK], units[1], looks[1], light)
     geometry = find_geometry(state, speak((0, BACK))[:2], EXACT)
-    brightness = find_brightness(geometry.distance, geometry.departure, np.abs(geometry.bearing), light)
+    brightness = compute_brightness(geometry.distance, geometry.departure, np.abs(geometry.bearing), light)
     assert brightness[0] == pytest.approx(readings.reshape(4, 2).sum(axis=1).max(), rel=0.15)
 
 
@@ -115,9 +115,9 @@ def test_level_ground_has_no_drop_a_pit_has_its_depth_a_rim_has_no_end() -> None
     origins, directions = rays.origins[NUM_UNITS:], rays.directions[NUM_UNITS:]
     for depth, expected in ((0.0, 0.0), (0.25, 0.25)):
         ranges = (-scout.size[2] / 2 - depth - origins[:, 2]) / directions[:, 2]
-        assert find_drop(ranges[None], np.zeros(1), scout)[0] == pytest.approx(expected, abs=1e-9)
+        assert compute_drop(ranges[None], np.zeros(1), scout)[0] == pytest.approx(expected, abs=1e-9)
     nothing = np.full((1, len(origins)), scout.laser_range)
-    assert np.isinf(find_drop(nothing, np.zeros(1), scout)[0])
+    assert np.isinf(compute_drop(nothing, np.zeros(1), scout)[0])
 
 
 def test_a_newcomer_does_not_move_the_group_it_docks_to() -> None:

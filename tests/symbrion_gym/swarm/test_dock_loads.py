@@ -5,7 +5,7 @@ import pytest
 
 from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.docks import DockConfig
-from symbrion_gym._src.swarm.dynamic.transfer import find_error, find_share, has_mated
+from symbrion_gym._src.swarm.dynamic.transfer import compute_error, compute_share, has_mated
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA, BACK, FRONT, latch_row, make_docked, make_row
 
@@ -30,7 +30,7 @@ def test_weld_holds_the_pose_in_which_docks_latched():
         world.step(commands)
     assert len(world.assembly.layout.welds) == 1
     np.testing.assert_allclose(world.state.position[:, 0], before[:, 0], atol=3e-4)
-    offset, _ = find_error(world.assembly, world.data, world.state.links[0], world.scout)
+    offset, _ = compute_error(world.assembly, world.data, world.state.links[0], world.scout)
     assert offset[0] == pytest.approx(0.005, abs=2e-4)
 
 
@@ -42,8 +42,8 @@ def test_docks_mate_in_the_time_that_is_given():
 
 
 def test_share_begins_and_ends_at_rest():
-    assert [find_share(t, 2.0) for t in (0.0, 1.0, 2.0, 3.0)] == [1.0, 0.5, 0.0, 0.0]
-    assert find_share(0.0, 0.0) == 0.0
+    assert [compute_share(t, 2.0) for t in (0.0, 1.0, 2.0, 3.0)] == [1.0, 0.5, 0.0, 0.0]
+    assert compute_share(0.0, 0.0) == 0.0
 
 
 @pytest.mark.parametrize("is_welded", [True, False])
@@ -86,7 +86,7 @@ def test_latch_gives_less_than_a_millimeter_at_its_largest_load(axis):
             force = sign * world.scout.dock_force * np.eye(3)[axis]
             data.xfrc_applied[body] = [*force, *np.cross(place - data.xipos[body], force)]
         world.step(commands, 0.02)
-    offset, turn = find_error(world.assembly, data, world.state.links[0], world.scout)
+    offset, turn = compute_error(world.assembly, data, world.state.links[0], world.scout)
     assert np.linalg.norm(offset) < 1e-3
     assert np.rad2deg(np.linalg.norm(turn)) < 0.5
     assert world.state.load[0, BACK] == pytest.approx(100.0, rel=0.05)

@@ -11,8 +11,8 @@ from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.docks import (
     DockConfig,
     can_join,
-    find_dock_frames,
-    find_dock_poses,
+    compute_dock_frames,
+    compute_dock_poses,
     find_groups,
     find_matches,
     find_released,
@@ -43,14 +43,14 @@ def all_latch(count):
 
 
 def test_docks_of_a_turned_robot_are_where_they_are_known_to_be():
-    position, axis = find_dock_poses(make_state([1.0, 2.0, np.pi / 2]), SCOUT)
+    position, axis = compute_dock_poses(make_state([1.0, 2.0, np.pi / 2]), SCOUT)
     np.testing.assert_allclose(position[0, 0], [1.0, 2.072, 0.05], atol=1e-12)
     np.testing.assert_allclose(position[0, 2], [0.9475, 2.0, 0.05], atol=1e-12)
     np.testing.assert_allclose(axis[0, 1], [0.0, -1.0, 0.0], atol=1e-12)
 
 
 def test_front_dock_follows_the_hinge():
-    frames = find_dock_frames(make_state([0.0, 0.0, 0.0], hinge=[np.pi / 2]), SCOUT)
+    frames = compute_dock_frames(make_state([0.0, 0.0, 0.0], hinge=[np.pi / 2]), SCOUT)
     np.testing.assert_allclose(frames.position[0, 0], [0.0, 0.0, 0.05 + 0.072], atol=1e-12)
     np.testing.assert_allclose(frames.axis[0, 0], [0.0, 0.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(frames.up[0, 0], [-1.0, 0.0, 0.0], atol=1e-12)
@@ -63,7 +63,7 @@ def test_exact_neighbors_latch():
 
 @pytest.mark.parametrize("organism", [sg.cross(1), letter_h(2), cross(2)])
 def test_modules_of_an_organism_latch_into_it(organism):
-    poses = [(pose.x, pose.y, pose.heading) for pose in organism.find_poses()]
+    poses = [(pose.x, pose.y, pose.heading) for pose in organism.compute_poses()]
     links = find_matches(make_state(poses), all_latch(len(poses)))
     made, order = make_organism(links, range(len(poses)), root=0)
     mapped = {

@@ -9,7 +9,12 @@ from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.swarm.docks import DockConfig
-from symbrion_gym._src.swarm.dynamic.motion import FOLDED, find_jump, find_kinetic_energy, find_momentum
+from symbrion_gym._src.swarm.dynamic.motion import (
+    FOLDED,
+    compute_jump,
+    compute_kinetic_energy,
+    compute_momentum,
+)
 from symbrion_gym._src.swarm.dynamic.world import DynamicConfig, DynamicWorld
 from symbrion_gym._src.swarm.world import SwarmCommands
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA, FRONT, latch_row, make_docked, make_row
@@ -68,14 +73,15 @@ def test_neither_joining_nor_parting_jumps():
                 world.conversion = None
     assert len(changes) >= 4
     for before, after in changes:
-        position, angle, velocity = find_jump(before, after)
+        position, angle, velocity = compute_jump(before, after)
         assert position < 1e-4
         assert angle < np.deg2rad(0.1)
         assert velocity < 5e-3
-        lost = find_momentum(after, world.scout)[0] - find_momentum(before, world.scout)[0]
+        lost = compute_momentum(after, world.scout)[0] - compute_momentum(before, world.scout)[0]
         assert np.linalg.norm(lost) < 1e-9
         gained = (
-            find_kinetic_energy(after, world.scout).sum() - find_kinetic_energy(before, world.scout).sum()
+            compute_kinetic_energy(after, world.scout).sum()
+            - compute_kinetic_energy(before, world.scout).sum()
         )
         assert gained < 1e-9
 

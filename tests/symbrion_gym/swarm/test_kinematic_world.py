@@ -8,7 +8,7 @@ import symbrion_gym as sg
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.swarm.docks import find_dock_poses
+from symbrion_gym._src.swarm.docks import compute_dock_poses
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig, Poses, hold_arms
 from symbrion_gym._src.swarm.world import SwarmCommands
@@ -136,7 +136,7 @@ def test_docks_within_tolerance_latch_and_reach_their_exact_pose():
     state = run(world, 11, [0.0, 0.0], latch=True)
     most = np.linalg.norm(before.position[1] - state.position[1])
     assert most > 0.004  # it was off
-    place, axis = find_dock_poses(state, SCOUT)
+    place, axis = compute_dock_poses(state, SCOUT)
     back, front = SIDES.index("back"), SIDES.index("front")
     np.testing.assert_allclose(place[1, front] - place[0, back], SCOUT.dock_gap * axis[0, back], atol=1e-9)
     np.testing.assert_allclose(axis[1, front], -axis[0, back], atol=1e-9)

@@ -7,7 +7,7 @@ from made_ground import make_floor, make_sheet
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.swarm.docks import find_dock_poses
+from symbrion_gym._src.swarm.docks import compute_dock_poses
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
 from symbrion_gym._src.swarm.signals.infrared import (
@@ -15,8 +15,8 @@ from symbrion_gym._src.swarm.signals.infrared import (
     FALLOFF,
     SATURATION,
     SignalConfig,
-    find_light,
-    find_readings,
+    compute_light,
+    compute_readings,
     find_units,
 )
 from symbrion_gym._src.swarm.signals.signals import NO_MESSAGE, Signals, Transmissions, pass_on
@@ -43,10 +43,10 @@ def send(count, beacons=(), messages=()):
 
 def test_a_unit_at_one_meter_reads_the_gain():
     x, back = np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0])
-    assert find_readings(np.zeros(3), x, x, back, EXACT) == pytest.approx(EXACT.gain)
-    assert find_readings(np.zeros(3), x, 2 * x, back, EXACT) == pytest.approx(EXACT.gain * 2**-FALLOFF)
-    assert find_readings(np.zeros(3), back, x, back, EXACT) == 0.0
-    assert find_readings(np.zeros(3), x, x, x, EXACT) == 0.0
+    assert compute_readings(np.zeros(3), x, x, back, EXACT) == pytest.approx(EXACT.gain)
+    assert compute_readings(np.zeros(3), x, 2 * x, back, EXACT) == pytest.approx(EXACT.gain * 2**-FALLOFF)
+    assert compute_readings(np.zeros(3), back, x, back, EXACT) == 0.0
+    assert compute_readings(np.zeros(3), x, x, x, EXACT) == 0.0
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 0.45, 0.8, 1.3])
@@ -58,11 +58,11 @@ def test_light_reaches_as_far_as_it_is_read(angle):
         place = (distance * np.cos(angle) - 1.9, distance * np.sin(angle) - 1.0, angle + np.pi)
         world.reset(np.array([(-1.9, -1.0, 0.0), place]))
         shining = np.array([[True, False, False, False], [False] * 4])
-        light = find_light(world.state, shining, world.sight, world.scout, EXACT)
-        start, axis = (part[0, FRONT] for part in find_dock_poses(world.state, world.scout))
+        light = compute_light(world.state, shining, world.sight, world.scout, EXACT)
+        start, axis = (part[0, FRONT] for part in compute_dock_poses(world.state, world.scout))
         units, axes = (part[1, :2] for part in find_units(world.state, world.scout))
         seen.append(bool((light.side == FRONT).any()))
-        wanted.append(bool((find_readings(start, axis, units, axes, EXACT) > 0.5).any()))
+        wanted.append(bool((compute_readings(start, axis, units, axes, EXACT) > 0.5).any()))
     assert any(wanted)
     assert not all(wanted) or angle < 0.4
     assert seen == wanted
@@ -75,7 +75,7 @@ def test_light_reaches_as_far_as_it_is_read(angle):
 def test_readings_are_those_of_a_real_scouts_beacon(x, y, measured):
     """Means of symbrion-morph's data_set10 and data_set11 within 1 cm; both robots look along parallel lines."""
     ahead = np.array([0.0, 1.0, 0.0])
-    reading = AMBIENT + find_readings(np.zeros(3), ahead, np.array([x, y, 0.0]), -ahead, EXACT)
+    reading = AMBIENT + compute_readings(np.zeros(3), ahead, np.array([x, y, 0.0]), -ahead, EXACT)
     assert reading == pytest.approx(measured, rel=0.2)
 
 

@@ -6,7 +6,7 @@ import pytest
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
-from symbrion_gym._src.robot.tracks import find_skid_motion
+from symbrion_gym._src.robot.tracks import compute_skid_motion
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
@@ -27,7 +27,7 @@ def test_level_arm_on_level_ground_turns_about_a_place_ahead() -> None:
     assert np.ptp(find_track_points(SCOUT)[:, 0]) / 2 == pytest.approx(END)
     share = SCOUT.arm_mass / (SCOUT.arm_mass + SCOUT.chassis_mass)
     front = 0.5 + share * (SCOUT.arm_reach - ARM_RADIUS) / (2 * END)
-    expected = find_skid_motion(
+    expected = compute_skid_motion(
         -1.0, 1.0, np.array([END, -END]), 2 * SIDE, 1e-6, np.array([front, 1 - front])
     )
     np.testing.assert_allclose(

@@ -8,7 +8,7 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.swarm.docks import sort_links
 from symbrion_gym._src.swarm.dynamic.assembly import Assembler, OpenOrganism, find_layout
-from symbrion_gym._src.swarm.dynamic.motion import find_kinetic_energy, find_momentum
+from symbrion_gym._src.swarm.dynamic.motion import compute_kinetic_energy, compute_momentum
 from symbrion_gym._src.swarm.dynamic.transfer import read_motion, refresh, write_motion
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA
 
@@ -68,9 +68,9 @@ def test_joining_keeps_momentum_and_never_adds_energy(seed):
     )
     write_motion(assembly, data, motion, SCOUT)
     after = read_motion(assembly, data)
-    for one, two in zip(find_momentum(motion, SCOUT), find_momentum(after, SCOUT), strict=True):
+    for one, two in zip(compute_momentum(motion, SCOUT), compute_momentum(after, SCOUT), strict=True):
         np.testing.assert_allclose(one, two, atol=1e-9)
-    assert find_kinetic_energy(after, SCOUT).sum() < find_kinetic_energy(motion, SCOUT).sum()
+    assert compute_kinetic_energy(after, SCOUT).sum() < compute_kinetic_energy(motion, SCOUT).sum()
 
 
 def test_kinetic_energy_is_that_of_mujoco():
@@ -80,7 +80,9 @@ def test_kinetic_energy_is_that_of_mujoco():
     inertia = np.zeros((assembly.model.nv, assembly.model.nv))
     mujoco.mj_fullM(assembly.model, data, inertia)
     expected = 0.5 * data.qvel @ inertia @ data.qvel
-    assert find_kinetic_energy(read_motion(assembly, data), SCOUT).sum() == pytest.approx(expected, rel=1e-9)
+    assert compute_kinetic_energy(read_motion(assembly, data), SCOUT).sum() == pytest.approx(
+        expected, rel=1e-9
+    )
 
 
 def test_small_errors_are_spread_over_the_modules():

@@ -43,7 +43,7 @@ def find_state(
     count = len(position)
     rotation = np.tile(np.eye(3).ravel(), (count, 1)) if rotation is None else rotation
     still = {"qvel": np.zeros(8), "hinge_rate": np.zeros(count - 1), "torque": np.zeros(count - 1)} | parts
-    criteria = world.task.find_criteria(world.organism)
+    criteria = world.task.compute_criteria(world.organism)
     state = TaskState(world.scene, world.task.goal, 1, world.config.dt, criteria, np.zeros((1, count - 1)))
     state.bind(
         Views(
@@ -143,7 +143,7 @@ def test_what_is_measured_of_a_body(check: World):
     state = find_state(
         check, places, rotation, torque=np.array([2.0, -3.0]), hinge_rate=np.array([-0.5, -0.1])
     )
-    assert (state.along[0, 0], state.find_mean_along()[0]) == pytest.approx((0.3, 0.02))
+    assert (state.along[0, 0], state.compute_mean_along()[0]) == pytest.approx((0.3, 0.02))
     assert (-state.least_right[0], state.least_left[0], state.rear[0]) == pytest.approx((0.04, -0.07, -0.24))
     assert (state.lowest[0], state.least_up[0], state.power[0]) == pytest.approx((0.29, -0.2, 1.3))
     assert state.is_sound[0]
@@ -154,7 +154,7 @@ def test_no_module_makes_progress_beyond_the_finish(check: World):
     assert check.route.finish == pytest.approx(finish)
     some = find_state(check, [[finish + 0.2, 0, 0.3], [finish + 0.1, 0, 0.3], [finish - 0.1, 0, 0.3]])
     assert some.progress[0] == pytest.approx(finish - 0.1 / 3)
-    assert some.find_mean_along()[0] == pytest.approx(finish + 0.2 / 3)
+    assert some.compute_mean_along()[0] == pytest.approx(finish + 0.2 / 3)
     assert some.goal_distance[0] == pytest.approx(0.1)
     whole = find_state(check, [[finish + 0.2, 0, 0.3], [finish + 0.1, 0, 0.3], [finish + 0.01, 0, 0.3]])
     assert whole.progress[0] == pytest.approx(finish)

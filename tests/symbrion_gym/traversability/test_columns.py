@@ -9,7 +9,7 @@ from symbrion_gym._src.traversability.columns import SortedHeights, find_spans, 
 from symbrion_gym._src.traversability.grid import make_grid
 
 GRID = make_grid(np.zeros(2), np.ones(2), 0.1, 10_000)
-MIDDLE = int(GRID.find_cells(np.array([[0.55, 0.55]]))[0])
+MIDDLE = int(GRID.compute_cells(np.array([[0.55, 0.55]]))[0])
 
 
 def test_solids_that_touch_are_one_span_and_others_have_a_clearance():
@@ -42,7 +42,7 @@ def test_a_thin_wall_between_centers_is_found_in_its_cells():
     wall = make_box((0.51, 0.0, 0.0), (0.52, 1.0, 0.5))
     assert not len(find_spans(GRID, [wall], None, crack=0.002).cell)
     walls = find_walls(GRID, [wall], np.deg2rad(50.0))
-    row = GRID.find_cells(np.array([[0.515, y] for y in np.arange(0.05, 1.0, 0.1)]))
+    row = GRID.compute_cells(np.array([[0.515, y] for y in np.arange(0.05, 1.0, 0.1)]))
     assert set(walls.cells.tolist()) == set(row.tolist())
     for cell in row:
         heights = walls.heights[walls.cells == cell]

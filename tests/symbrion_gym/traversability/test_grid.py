@@ -13,8 +13,8 @@ def make_square_grid(cells: int = 10):
 def test_cells_and_centers_are_inverse():
     grid = make_square_grid()
     cells = np.arange(grid.num_cells)
-    assert np.array_equal(grid.find_cells(grid.find_centers(cells)), cells)
-    assert grid.find_cells(np.array([[-0.01, 0.5], [0.5, 1.01], [np.nan, 0.0]])).tolist() == [-1, -1, -1]
+    assert np.array_equal(grid.compute_cells(grid.compute_centers(cells)), cells)
+    assert grid.compute_cells(np.array([[-0.01, 0.5], [0.5, 1.01], [np.nan, 0.0]])).tolist() == [-1, -1, -1]
     assert grid.find_neighbors(np.array([0, 99]), 1, 1).tolist() == [11, -1]
     assert grid.find_neighbors(np.array([0, 99]), -1, 0).tolist() == [-1, 89]
 
@@ -30,7 +30,7 @@ def test_a_square_of_two_triangles_is_met_once_everywhere():
     low, right, high, left = np.array([[0, 0, 0], [1, 0, 1], [1, 1, 1], [0, 1, 0]], dtype=float)
     found = find_crossings(grid, np.array([[low, right, high], [low, high, left]]))
     assert set(found.cell.tolist()) == set(range(grid.num_cells))
-    assert found.height == pytest.approx(grid.find_centers(found.cell)[:, 0])
+    assert found.height == pytest.approx(grid.compute_centers(found.cell)[:, 0])
 
 
 def test_vertical_triangles_are_met_by_no_line_and_small_gaps_are_closed():
@@ -48,7 +48,7 @@ def test_heights_agree_with_trimesh_on_random_triangles():
     grid = make_square_grid(20)
     found = find_crossings(grid, corners)
     assert len(found.cell) > 100
-    centers = grid.find_centers(found.cell)
+    centers = grid.compute_centers(found.cell)
     for triangle, center, height in zip(found.triangle, centers, found.height, strict=True):
         weights = np.linalg.solve(np.vstack([corners[triangle, :, :2].T, np.ones(3)]), [*center, 1.0])
         assert weights.min() > -1e-6

@@ -48,7 +48,7 @@ def test_a_route_is_found_without_help(room, body):
     assert route.length == pytest.approx(steps.sum())
     assert set(
         ground.region[
-            ground.sorted_heights.find_nearest(ground.grid.find_cells(route.path[:, :2]), route.path[:, 2])
+            ground.sorted_heights.find_nearest(ground.grid.compute_cells(route.path[:, :2]), route.path[:, 2])
         ].tolist()
     ) == {0}
 
@@ -160,11 +160,15 @@ def test_a_side_slope_is_crossed_straight_up_and_not_along():
 def test_ends_lie_on_level_ground_and_paths_avoid_slopes():
     arena = make_terrain(7, roughness=0.05)
     ground, route = arena.traversability(), arena.find_route()
-    numbers = ground.sorted_heights.find_nearest(ground.grid.find_cells(route.path[:, :2]), route.path[:, 2])
+    numbers = ground.sorted_heights.find_nearest(
+        ground.grid.compute_cells(route.path[:, :2]), route.path[:, 2]
+    )
     slope = ground.slope[numbers]
     assert max(slope[0], slope[-1]) < ground.footprint.max_roll / 2
     short = arena.find_route(start=route.start, goal=route.goal, config=RouteConfig(slope_cost=0.0))
-    crossed = ground.sorted_heights.find_nearest(ground.grid.find_cells(short.path[:, :2]), short.path[:, 2])
+    crossed = ground.sorted_heights.find_nearest(
+        ground.grid.compute_cells(short.path[:, :2]), short.path[:, 2]
+    )
     assert slope.mean() < ground.slope[crossed].mean()
     assert short.length < route.length
 

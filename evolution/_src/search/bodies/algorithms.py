@@ -86,7 +86,7 @@ class SurrogateSearch:
         self._config, self._last = config, len(learning.levels) - 1
         self._breeder = Breeder(config, rng)
         self._layers: list[dict[str, LevelResult]] = [{} for _ in learning.levels]
-        self._shares = [learning.find_promoted_share(level) for level in range(self._last)]
+        self._shares = [learning.compute_promoted_share(level) for level in range(self._last)]
         self._results: list[LevelResult] = []
 
     def ask(self) -> list[Assignment]:
@@ -206,7 +206,7 @@ def format_fitness(run: BodyRun, fitness: float) -> str:
     return f"fitness {fitness:.2f}{unit}"
 
 
-def find_effort_weight(config: BodyEvolutionConfig) -> float:
+def compute_effort_weight(config: BodyEvolutionConfig) -> float:
     """Return the effort of a joule of work of the hinges."""
     from symbrion_gym._src.tasks.traverse import UsualTerms  # loads MuJoCo
 
@@ -221,7 +221,7 @@ def explain_fitness(run: BodyRun) -> str:
     text = (
         "Fitness, in meters: how far the whole body came on its way, as a mean over trials, plus "
         f"{scoring.success:g} m times the share of trials that succeeded, less "
-        f"{scoring.effort * find_effort_weight(run.config):.2g} m for each joule of work of the hinges"
+        f"{scoring.effort * compute_effort_weight(run.config):.2g} m for each joule of work of the hinges"
     )
     return (
         f"{text}{f' and {scoring.module:g} m for each module' if scoring.module else ''}. Higher is better."

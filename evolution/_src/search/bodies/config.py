@@ -26,7 +26,7 @@ from evolution._src.search.bodies.learning import LearningConfig
 from evolution._src.search.bodies.variation import BodyLimits
 from evolution._src.search.stored_config import (
     check_text_fields,
-    find_digest,
+    compute_digest,
     read_content,
     restore,
     to_json,
@@ -159,7 +159,7 @@ class BodyEvolutionConfig(TrialConfig):
 
     def digest(self) -> str:
         """Return a fingerprint of all that decides the results of a run."""
-        return find_digest(self, RUNTIME_FIELDS)
+        return compute_digest(self, RUNTIME_FIELDS)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain JSON content.

@@ -79,7 +79,7 @@ class LearningConfig:
         is_examined = self.is_examined_early or level == len(self.levels) - 1
         return sum(sizes) * self.trials + is_examined * self.exam_trials
 
-    def find_promoted_share(self, level: int) -> float:
+    def compute_promoted_share(self, level: int) -> float:
         """Return which share of the bodies of a level may learn on, so that the next level costs as much in all."""
         return min(self.count_trials(level) / self.count_trials(level + 1), 1.0)
 

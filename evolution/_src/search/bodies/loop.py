@@ -159,7 +159,7 @@ def _iterate(
         algorithm.tell(results)
         for result in results:
             used |= {(result.body.canonical_text, each.level): each for each in record.find_until(result)}
-        run = replace(run, history=(*run.history, (_sum_seconds(used), _find_best(config, used))))
+        run = replace(run, history=(*run.history, (_sum_seconds(used), _select_best(config, used))))
         if is_known:
             continue
         if folder is not None:
@@ -189,7 +189,7 @@ def _sum_seconds(results: dict[tuple[str, int], LevelResult]) -> float:
     return sum(result.seconds for result in results.values())
 
 
-def _find_best(config: BodyEvolutionConfig, results: dict[tuple[str, int], LevelResult]) -> float:
+def _select_best(config: BodyEvolutionConfig, results: dict[tuple[str, int], LevelResult]) -> float:
     """Return the best fitness of a body that has learned to the last level."""
     last = len(config.learning.levels) - 1
     return max((each.fitness for each in results.values() if each.level == last), default=-inf)

@@ -71,7 +71,7 @@ def describe_shape(body: BodyGenome) -> Float[np.ndarray, " 7"]:
 @lru_cache(maxsize=20_000)
 def _describe(text: str) -> Float[np.ndarray, " 7"]:
     body = parse_genome(text)
-    poses = body.to_organism().find_poses()
+    poses = body.to_organism().compute_poses()
     places = np.array([(pose.x, pose.y) for pose in poses]) / body.to_organism().scout.size[0]
     along = sum(abs(np.cos(pose.heading)) > _ALONG for pose in poses)
     row, limb = 1, body
@@ -129,7 +129,7 @@ class Prediction:
 
     def _relate(self, asked: _Levels) -> tuple[Float[np.ndarray, "B N"], Float[np.ndarray, "N B"]]:
         """Return the covariance with what is known, and what the root of that of the known explains of it."""
-        shared = _find_covariance(_compare(asked, self._known), self._parameters[:3])
+        shared = _compute_covariance(_compare(asked, self._known), self._parameters[:3])
         return shared, np.linalg.solve(self._root, shared.T)
 
     def _to_numbers(self, bodies: Sequence[BodyGenome], levels: Sequence[int]) -> _Levels:
@@ -139,7 +139,7 @@ class Prediction:
 
     def _solve(self, likeness: _Likeness) -> tuple[Float[np.ndarray, "N N"], Float[np.ndarray, " N"]]:
         """Return the root of the covariance, and the weights of the results."""
-        covariance = _find_covariance(likeness, self._parameters[:3])
+        covariance = _compute_covariance(likeness, self._parameters[:3])
         covariance += (self._parameters[3] + _SMALLEST_SPREAD) * np.eye(len(covariance))
         root = np.linalg.cholesky(covariance)
         return root, np.linalg.solve(root.T, np.linalg.solve(root, self._values))
@@ -174,7 +174,7 @@ def _compare(first: _Levels, second: _Levels) -> _Likeness:
     )
 
 
-def _find_covariance(likeness: _Likeness, parameters: Sequence[float]) -> Float[np.ndarray, "N M"]:
+def _compute_covariance(likeness: _Likeness, parameters: Sequence[float]) -> Float[np.ndarray, "N M"]:
     reach, own, between = parameters
     alike = (1.0 - own) * np.exp(-0.5 * likeness.squares / reach**2) + own * likeness.is_same
     return alike * between**likeness.levels

@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import find_normals
+from reconstruction._src.geometry.manifold import compute_normals
 from reconstruction._src.geometry.rows import (
     any_corner,
-    find_extent,
+    compute_extent,
+    compute_lengths,
     find_inside,
-    find_lengths,
     find_near_box,
     sum_rows,
 )
@@ -85,7 +85,7 @@ def find_gone(
         return is_gone
     if is_read[is_used].mean() >= _COMPLETE_SHARE:
         return missing
-    low, high = find_extent(new_points)
+    low, high = compute_extent(new_points)
     margin = (high - low).max() / 2 + spacing
     is_within = np.zeros(len(vertices), dtype=bool)
     is_within[find_inside(vertices, low - margin, high + margin)] = True
@@ -121,7 +121,7 @@ def _to_polar(
 ) -> tuple[Float[np.ndarray, " N"], Int[np.ndarray, " N"]]:
     """Return the distance from the origin and the number of the sector."""
     angle = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) % 1.0
-    return find_lengths(points), np.minimum((angle * num_sectors).astype(int), num_sectors - 1)
+    return compute_lengths(points), np.minimum((angle * num_sectors).astype(int), num_sectors - 1)
 
 
 _POOL_PER_PROBE = 8
@@ -215,14 +215,14 @@ def detect_changes(
     distance, nearest_faces = distance[:number], about[nearest[:number]]
     winners = _find_corners(vertices, nearest_faces, readings)
     # Readings just beyond the boundary of a surface do not contradict it.
-    height = _find_heights(vertices, nearest_faces, readings, closest[:number])
+    height = _compute_heights(vertices, nearest_faces, readings, closest[:number])
     disagrees = (height > tolerance) | (distance > spacing)
     is_moved = _find_moved(winners, readings, disagrees, spacing, len(vertices))
     known = _pick_known(vertices[is_moved], old_points, spacing)
     if len(known):
         _, nearest, closest = (np.asarray(part) for part in surface.squared_distance(vertices, about, known))
         nearest_faces = about[nearest]
-        has_disagreed = _find_heights(vertices, nearest_faces, known, closest) > tolerance
+        has_disagreed = _compute_heights(vertices, nearest_faces, known, closest) > tolerance
         owners = _find_corners(vertices, nearest_faces, known)
         is_moved &= _is_significant(winners, disagrees, owners, has_disagreed, len(vertices), _SIGNIFICANCE)
     is_strong = _find_strong(winners, readings, distance, tolerance, spacing, len(vertices))
@@ -262,7 +262,7 @@ def _crop(
     margin: float,
 ) -> tuple[Int[np.ndarray, "A 3"], Float[np.ndarray, "P 3"]]:
     """Return the faces that are near new readings, and old points to compare with."""
-    low, high = find_extent(new_points)
+    low, high = compute_extent(new_points)
     low, high = low - margin, high + margin
     is_inside = np.zeros(len(vertices), dtype=bool)
     is_inside[find_inside(vertices, low, high)] = True
@@ -274,14 +274,14 @@ def _crop(
     return np.ascontiguousarray(about), thin(probes[inner], _NUM_PROBES)
 
 
-def _find_heights(
+def _compute_heights(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "M 3"],
     points: Float[np.ndarray, "M 3"],
     closest: Float[np.ndarray, "M 3"],
 ) -> Float[np.ndarray, " M"]:
     """Return how far the points are from the planes of their nearest faces [m]."""
-    return np.abs(np.einsum("mk,mk->m", points - closest, find_normals(vertices, faces)))
+    return np.abs(np.einsum("mk,mk->m", points - closest, compute_normals(vertices, faces)))
 
 
 def _find_corners(

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from reconstruction._src.geometry.rows import any_corner, cross_rows, find_lengths, find_near_box, sum_rows
+from reconstruction._src.geometry.rows import any_corner, compute_lengths, cross_rows, find_near_box, sum_rows
 
 
 def widen(
@@ -109,7 +109,7 @@ def _find_crossings(
     direction = directions[hits.ray]
     a, b, c = vertices[faces[hits.face]].swapaxes(0, 1)
     normal = cross_rows(b - a, c - a)
-    normal /= np.maximum(find_lengths(normal)[..., None], 1e-300)
+    normal /= np.maximum(compute_lengths(normal)[..., None], 1e-300)
     steepness = np.abs(sum_rows(normal * direction))
     # The hits of one ray follow one another; the last is followed by the ray's end.
     is_last = np.append(hits.ray[1:] != hits.ray[:-1], True) if len(hits.ray) else np.zeros(0, dtype=bool)
@@ -150,7 +150,7 @@ def _find_hits(
     surface = igl.AABB()
     surface.init(vertices, faces)
     direction = points - origins
-    length = np.maximum(find_lengths(direction), 1e-300)
+    length = np.maximum(compute_lengths(direction), 1e-300)
     stop = 1 - margin / length
     ray, start = np.arange(len(points)), np.zeros(len(points))
     found: list[tuple[np.ndarray, ...]] = []

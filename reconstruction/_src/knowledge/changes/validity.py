@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import find_vertex_normals, group_sides
-from reconstruction._src.geometry.rows import find_lengths, sum_rows
+from reconstruction._src.geometry.manifold import compute_vertex_normals, group_sides
+from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 from reconstruction._src.knowledge.changes.detection import Change
 from reconstruction._src.knowledge.changes.free_space import widen
 
@@ -104,10 +104,10 @@ def _find_extended(
         return is_boundary
     sides = group_sides(faces, len(vertices))
     is_boundary[faces.ravel()[sides.slots[sides.starts[sides.counts == 1]]]] = True
-    normals = find_vertex_normals(vertices, faces)
-    normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
+    normals = compute_vertex_normals(vertices, faces)
+    normals /= np.maximum(compute_lengths(normals)[..., None], 1e-300)
     offset = distant - vertices[winner]
-    rise = np.abs(sum_rows(offset * normals[winner])) / np.maximum(find_lengths(offset), 1e-300)
+    rise = np.abs(sum_rows(offset * normals[winner])) / np.maximum(compute_lengths(offset), 1e-300)
     count = np.bincount(winner, minlength=len(vertices))
     flat = np.bincount(winner, rise < _MAX_EXTENSION_RISE, minlength=len(vertices))
     return is_boundary & (flat > count / 2)

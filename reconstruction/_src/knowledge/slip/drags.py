@@ -105,19 +105,19 @@ class _Drags(NamedTuple):
 def find_friction(readings: SlipReadings, priors: SlipPriors | None = None) -> FrictionReadings:
     """Return the friction at every place where tracks slipped."""
     priors = priors or SlipPriors()
-    drags = _find_drags(readings)
+    drags = _select_drags(readings)
     if not len(drags.runs):
         nothing = np.zeros(0)
         return FrictionReadings(np.zeros((0, 3)), nothing, nothing, nothing, np.zeros(0, dtype=np.int64))
-    bias, bias_error = _find_pull_bias(drags, priors)
+    bias, bias_error = _estimate_pull_bias(drags, priors)
     frictions = np.maximum(drags.signs * (drags.pulls - bias) / drags.loads, 0.0)
     load = np.median(drags.loads)
     shared = np.hypot(frictions * np.hypot(priors.gain, priors.load_bias / load), priors.tilt)
-    sigmas = np.full(len(frictions), _find_noise(frictions, drags.runs, priors.noise))
+    sigmas = np.full(len(frictions), _estimate_noise(frictions, drags.runs, priors.noise))
     return FrictionReadings(drags.places, frictions, np.hypot(sigmas, bias_error / load), shared, drags.runs)
 
 
-def _find_drags(readings: SlipReadings) -> _Drags:
+def _select_drags(readings: SlipReadings) -> _Drags:
     """Return the drags that count."""
     starts = np.r_[True, (np.diff(readings.commanded) != 0.0) | (np.diff(readings.runs) != 0)]
     parts = np.split(np.arange(len(readings)), np.flatnonzero(starts)[1:])
@@ -155,7 +155,7 @@ def _measure(
     whole = np.flatnonzero(np.bincount(numbers[numbers >= 0]) * _find_tick(readings) >= _WINDOW - _ROUNDING)
     rows = []
     for window in (part[numbers == number] for number in whole):
-        slip = float(readings.commanded[window[0]]) - _find_speed(readings, window)
+        slip = float(readings.commanded[window[0]]) - _estimate_speed(readings, window)
         specific, dock = (array[window].mean(axis=0) for array in (readings.accelerations, readings.forces))
         pull, _, load = readings.mass * specific - dock
         weight = readings.mass * float(np.linalg.norm(specific))
@@ -173,7 +173,7 @@ def _find_tick(readings: SlipReadings) -> float:
     return float(np.median(np.diff(readings.times))) if len(readings) > 1 else 0.0
 
 
-def _find_speed(readings: SlipReadings, part: Int[np.ndarray, " P"]) -> float:
+def _estimate_speed(readings: SlipReadings, part: Int[np.ndarray, " P"]) -> float:
     """Return the speed ahead, along the ground, by a line through the places [m/s]."""
     heading = np.median(readings.headings[part])
     pitch = float(np.median(readings.pitches[part]))
@@ -183,7 +183,7 @@ def _find_speed(readings: SlipReadings, part: Int[np.ndarray, " P"]) -> float:
     )
 
 
-def _find_pull_bias(drags: _Drags, priors: SlipPriors) -> tuple[float, float]:
+def _estimate_pull_bias(drags: _Drags, priors: SlipPriors) -> tuple[float, float]:
     """Return the offset of the pull and its standard deviation [N].
 
     Two drags in opposite directions on the same ground: ``T_1 - b = mu N_1``, ``T_2 - b = -mu N_2``.
@@ -202,7 +202,7 @@ def _find_pull_bias(drags: _Drags, priors: SlipPriors) -> tuple[float, float]:
     return share * bias, float(np.sqrt(share) * error)
 
 
-def _find_noise(frictions: Float[np.ndarray, " D"], runs: Int[np.ndarray, " D"], least: float) -> float:
+def _estimate_noise(frictions: Float[np.ndarray, " D"], runs: Int[np.ndarray, " D"], least: float) -> float:
     """Return the standard deviation of a drag from the differences of those that follow each other."""
     steps = np.diff(frictions)[np.diff(runs) == 0]
     if not len(steps):

@@ -67,7 +67,7 @@ class FrictionEstimate(NamedTuple):
     patch_of: Int[np.ndarray, " D"]
 
 
-def find_friction_patches(readings: FrictionReadings) -> FrictionEstimate | None:
+def estimate_friction_patches(readings: FrictionReadings) -> FrictionEstimate | None:
     """Group friction by place into patches of one friction each.
 
     Along every run, changes are found first; stretches of equal friction, wherever they are, are one patch then. The

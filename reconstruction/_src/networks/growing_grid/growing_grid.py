@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.rows import find_lengths, sum_rows
+from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 from reconstruction._src.knowledge.changes.free_space import widen
 from reconstruction._src.networks.growing_grid import paper as grid_paper
 from reconstruction._src.networks.growing_grid.growth import (
@@ -35,7 +35,7 @@ from reconstruction._src.networks.growing_grid.growth import (
 from reconstruction._src.networks.growing_grid.learning import (
     choose_num_samples,
     choose_sigmas,
-    find_capacity,
+    compute_capacity,
     fit_grid,
     learn,
 )
@@ -166,7 +166,7 @@ def train_again(
     is_free = widen(state.faces, is_changed, _FREE_RINGS).reshape(state.units.shape[:2])
     if config.mode == "batch":
         again = _train(points, config, seed, progress, _Start(state.units, is_free))
-        reach = _REACH * float(np.median(find_lengths(np.diff(state.units, axis=0))))
+        reach = _REACH * float(np.median(compute_lengths(np.diff(state.units, axis=0))))
         if (cKDTree(again.vertices).query(points)[0] < reach).mean() > _REACHED:
             return again
     return train(points, config, seed, progress)
@@ -267,7 +267,7 @@ def _grow(
         units = insert_lines(units, choose_lines(down, shape[0] - len(down) - 1, config.rule))
         columns = choose_lines(across, shape[1] - len(across) - 1, config.rule)
         units = insert_lines(units.swapaxes(0, 1), columns).swapaxes(0, 1)
-        capacity = find_capacity(goal)
+        capacity = compute_capacity(goal)
         units, counts = learn(
             sort(choose_num_samples(len(points), _SAMPLES_PER_UNIT * capacity)),
             units,

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int, Num
 
-from reconstruction._src.geometry.rows import find_lengths
+from reconstruction._src.geometry.rows import compute_lengths
 
 Insertion = Literal["longest", "counter", "distant"]
 
@@ -55,8 +55,8 @@ def score_gaps(
     units: Float[np.ndarray, "R C 3"], counts: Num[np.ndarray, "R C"], rule: Insertion
 ) -> tuple[Float[np.ndarray, " R-1"], Float[np.ndarray, " C-1"]]:
     """Return how much every gap between rows and between columns needs a line."""
-    down = find_lengths(np.diff(units, axis=0))
-    across = find_lengths(np.diff(units, axis=1))
+    down = compute_lengths(np.diff(units, axis=0))
+    across = compute_lengths(np.diff(units, axis=1))
     if rule == "longest":
         return down.mean(axis=1), across.mean(axis=0)
     if rule == "counter":

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from reconstruction._src.geometry.rows import find_lengths
+from reconstruction._src.geometry.rows import compute_lengths
 from reconstruction._src.networks.growing_grid.mesh import triangulate, unfold
-from reconstruction._src.networks.least_squares import FitConfig, find_chunk, fit_once
+from reconstruction._src.networks.least_squares import FitConfig, compute_chunk, fit_once
 from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 from reconstruction._src.networks.som.winners import (
     MAX_CANDIDATES,
@@ -50,7 +50,7 @@ def learn(
     is_movable: Bool[np.ndarray, "R C"] | None = None,
 ) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
     """Train the grid by the batch rule."""
-    capacity = max(find_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
+    capacity = max(compute_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
     padded, candidates = _pad(units, tiles, capacity)
     moved, counts = _learn(
         tiles.samples,
@@ -89,9 +89,9 @@ def fit_grid(
 ) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
     """Fit the sheet to the samples, with the moments smoothed over the grid; then unfold it."""
     rows, columns = units.shape[:2]
-    spacing = float(find_lengths(np.diff(units, axis=1)).mean())
-    spacing = (spacing + float(find_lengths(np.diff(units, axis=0)).mean())) / 2
-    capacity = max(find_capacity(goal), padded_length(rows * columns, MAX_CANDIDATES))
+    spacing = float(compute_lengths(np.diff(units, axis=1)).mean())
+    spacing = (spacing + float(compute_lengths(np.diff(units, axis=0)).mean())) / 2
+    capacity = max(compute_capacity(goal), padded_length(rows * columns, MAX_CANDIDATES))
     padded, candidates = _pad(units, tiles, capacity)
     ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), capacity)
     ring = np.pad(ring, ((0, 0), (0, _RING_DEPTH - ring.shape[1]), (0, 0)), constant_values=-1)
@@ -106,7 +106,7 @@ def fit_grid(
         np.resize(sigmas, MAX_ITERATIONS).astype(np.float32),
         np.int32(len(sigmas)),
         config=config,
-        chunk=find_chunk(tiles.order.size),
+        chunk=compute_chunk(tiles.order.size),
     )
     return unfold(_as_grid(moved, units), is_movable) * spacing, _as_grid(counts, units)
 
@@ -135,7 +135,7 @@ def _pad(
         number = min(choose_num_candidates(tiles.order.size, capacity, 1), len(flat))
         candidates, reach = find_candidates(tiles, flat, number)
         # Steep parts of a sheet put more units under a tile than the mean.
-        radius = find_lengths(tiles.samples[:, ::4] - tiles.centers[:, None]).max(axis=1)
+        radius = compute_lengths(tiles.samples[:, ::4] - tiles.centers[:, None]).max(axis=1)
         if (reach < radius).mean() > _MAX_SHORT and number < min(MAX_CANDIDATES, len(flat)):
             candidates, _ = find_candidates(tiles, flat, min(2 * number, MAX_CANDIDATES, len(flat)))
     return padded, candidates
@@ -149,7 +149,7 @@ def _pad_mask(
     return pad_rows(mask, capacity, False)
 
 
-def find_capacity(goal: int) -> int:
+def compute_capacity(goal: int) -> int:
     """Return how many units to make room for where about `goal` are wanted."""
     return padded_length(round(ROOM * goal), minimum=MAX_CANDIDATES)
 

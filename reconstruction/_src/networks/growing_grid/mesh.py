@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import cross_rows, find_lengths, sum_rows
+from reconstruction._src.geometry.rows import compute_lengths, cross_rows, sum_rows
 from reconstruction._src.surfaces.unfolding import unfold_faces, unfold_part
 
 MAX_UNFOLDINGS = 6
@@ -36,7 +36,7 @@ def cell_normals(units: Float[np.ndarray, "R C 3"]) -> Float[np.ndarray, "R-1 C-
     wide = np.pad(across, ((1, 1), (0, 0), (0, 0)))
     wide = np.pad(wide[:-2] + wide[1:-1] + wide[2:], ((0, 0), (1, 1), (0, 0)))
     total = wide[:, :-2] + wide[:, 1:-1] + wide[:, 2:]
-    return total / np.maximum(find_lengths(total)[..., None], 1e-30)
+    return total / np.maximum(compute_lengths(total)[..., None], 1e-30)
 
 
 def unfold(
@@ -119,8 +119,8 @@ def find_covered_cells(
     units: Float[np.ndarray, "R C 3"], points: Float[np.ndarray, "N 3"]
 ) -> Bool[np.ndarray, "R-1 C-1"]:
     """Return which cells belong to the surface: not those drawn out over a hole without points."""
-    down = find_lengths(np.diff(units, axis=0))
-    across = find_lengths(np.diff(units, axis=1))
+    down = compute_lengths(np.diff(units, axis=0))
+    across = compute_lengths(np.diff(units, axis=1))
     sides = np.stack([down[:, :-1], down[:, 1:], across[:-1], across[1:]])
     longest, typical = sides.max(axis=0), float(np.median(sides))
     is_covered = longest <= _STRETCH * typical

@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import find_lengths
+from reconstruction._src.geometry.rows import compute_lengths
 
 PASSES = 2
 """How often the rest is looked for; 0: never."""
@@ -48,7 +48,7 @@ def find_uncovered(
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
     squared = np.asarray(igl.point_mesh_squared_distance(samples.astype(np.float64), vertices, faces)[0])
     corners = vertices[faces]
-    edge = find_lengths(corners - np.roll(corners, 1, axis=1)).mean()
+    edge = compute_lengths(corners - np.roll(corners, 1, axis=1)).mean()
     far = np.flatnonzero(squared > (_EDGE_SHARE * edge) ** 2)
     is_uncovered = np.zeros(len(samples), dtype=bool)
     num_neighbors = min(_NEIGHBORS, len(samples) - 1)
@@ -57,7 +57,7 @@ def find_uncovered(
     distances, neighbors = cKDTree(samples).query(samples[far], k=num_neighbors + 1)
     spacing = distances[:, -1] * np.sqrt(np.pi / num_neighbors)
     is_far = squared[far] > (_COMPLETION_GAP * spacing) ** 2
-    is_flat = _find_flatness(samples[neighbors[is_far]]) < _FLATNESS
+    is_flat = _compute_flatness(samples[neighbors[is_far]]) < _FLATNESS
     far = far[is_far]
     is_uncovered[far] = _find_groups(samples[far], spacing[is_far], is_flat)
     return is_uncovered
@@ -80,11 +80,11 @@ def _find_groups(
     is_surface = np.bincount(group, is_flat) >= _FLAT_SHARE * size
     for number in np.flatnonzero((size >= _MIN_SAMPLES) & ~is_surface):
         # Where noise exceeds the spacing, only the whole group shows that it is flat.
-        is_surface[number] = _find_flatness(samples[None, group == number])[0] < _FLATNESS
+        is_surface[number] = _compute_flatness(samples[None, group == number])[0] < _FLATNESS
     return (is_surface & (size >= _MIN_SAMPLES))[group]
 
 
-def _find_flatness(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, " M"]:
+def _compute_flatness(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, " M"]:
     """Return the least variance of neighborhoods over their largest."""
     offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
     variance = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)

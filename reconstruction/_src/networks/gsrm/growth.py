@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from reconstruction._src.geometry.rows import find_lengths
+from reconstruction._src.geometry.rows import compute_lengths
 from reconstruction._src.networks.som.compilation import padded_length
 from reconstruction._src.networks.som.density import Density
 from reconstruction._src.networks.som.winners import (
@@ -207,6 +207,6 @@ def _insert(
     worst, neighbor = pairs[np.sort(first)].T
     offset = tally.means[neighbor] - tally.means[worst]
     radius = np.sqrt(tally.errors[worst] / tally.counts[worst])
-    share = np.minimum(0.5, radius / np.maximum(find_lengths(offset), 1e-30))
+    share = np.minimum(0.5, radius / np.maximum(compute_lengths(offset), 1e-30))
     slots[free[: len(worst)]] = tally.means[worst] + share[:, None] * offset
     return num_units + min(len(worst), wanted - num_units)

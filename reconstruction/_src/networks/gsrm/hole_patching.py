@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.geometry.manifold import (
+    compute_vertex_normals,
     find_folds,
     find_hinges,
     find_loops,
-    find_vertex_normals,
     group_sides,
 )
-from reconstruction._src.geometry.rows import cross_rows, find_lengths, sum_rows
+from reconstruction._src.geometry.rows import compute_lengths, cross_rows, sum_rows
 from reconstruction._src.networks.gsrm.support import (
     MAX_FOLDED,
     MAX_HOLE_EDGES,
@@ -41,7 +41,7 @@ def patch_holes(
     """Triangulate the boundary loops of at most `max_edges` edges that lie where there are samples."""
     max_edges = MAX_HOLE_EDGES if max_edges is None else max_edges
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= max_edges)
-    normals = find_vertex_normals(units, faces)
+    normals = compute_vertex_normals(units, faces)
     loops = [loop for loop in loops if _is_hole(units[loop], normals[loop])]
     if not loops:
         return faces, np.empty(0, dtype=np.int64)
@@ -70,9 +70,9 @@ def close_tips(
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= MAX_TIP_EDGES)
     if not loops:
         return faces
-    normals = find_vertex_normals(units, faces)
-    normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
-    loops = [loop for loop in loops if _find_outlook(units[loop], normals[loop]) > RIM_COSINE]
+    normals = compute_vertex_normals(units, faces)
+    normals /= np.maximum(compute_lengths(normals)[..., None], 1e-300)
+    loops = [loop for loop in loops if _compute_outlook(units[loop], normals[loop]) > RIM_COSINE]
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
     added = []
     for loop in loops:
@@ -101,9 +101,9 @@ def _is_second_layer(
     return bool((folded >= len(adjacent)).sum() > max_folded * len(patch))
 
 
-def _find_outlook(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> float:
+def _compute_outlook(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> float:
     """Return the cosine between a loop's area vector and the normals next to it, less where these differ."""
-    area = _find_area(positions)
+    area = _compute_area(positions)
     return float(area @ normals.mean(axis=0) / max(float(np.linalg.norm(area)), 1e-300))
 
 
@@ -112,10 +112,10 @@ def _is_hole(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 
 
     The loop's own area vector, whatever its triangulation, then points where the surface's normals point.
     """
-    return bool(_find_area(positions) @ normals.sum(axis=0) > 0)
+    return bool(_compute_area(positions) @ normals.sum(axis=0) > 0)
 
 
-def _find_area(positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " 3"]:
+def _compute_area(positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " 3"]:
     """Return twice the area vector of a loop."""
     offset = positions - positions[0]
     return cross_rows(offset[1:-1], offset[2:]).sum(axis=0)

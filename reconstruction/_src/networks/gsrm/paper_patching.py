@@ -118,7 +118,7 @@ def drop_incorrect_faces(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -
         if not has_fair_angles(positions, a, b, c):
             mesh.remove_face(a, b, c)
     for (a, b), apexes in list(mesh.apexes.items()):
-        if len(apexes) == 2 and find_dihedral(positions, a, b, *apexes) < MIN_DIHEDRAL:
+        if len(apexes) == 2 and compute_dihedral(positions, a, b, *apexes) < MIN_DIHEDRAL:
             mesh.remove_face(a, b, min(apexes, key=lambda c: _rank_face(mesh, positions, a, b, c)))
 
 
@@ -155,7 +155,7 @@ def _merge_once(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -> bool:
         a, b = around
         if mesh.count_faces(a, unit) or mesh.count_faces(b, unit) or mesh.has_edge(a, b):
             continue
-        if _find_angle(positions[a] - positions[unit], positions[b] - positions[unit]) > MERGE_ANGLE:
+        if _compute_angle(positions[a] - positions[unit], positions[b] - positions[unit]) > MERGE_ANGLE:
             mesh.remove_edge(a, unit)
             mesh.remove_edge(b, unit)
             mesh.add_edge(a, b)
@@ -197,17 +197,17 @@ def close_triangles(mesh: PaperMesh) -> None:
 def has_fair_angles(positions: Float[np.ndarray, "C 3"], a: int, b: int, c: int) -> bool:
     """Return whether no angle of a face is too large."""
     return all(
-        _find_angle(positions[v] - positions[u], positions[w] - positions[u]) <= MAX_ANGLE
+        _compute_angle(positions[v] - positions[u], positions[w] - positions[u]) <= MAX_ANGLE
         for u, v, w in ((a, b, c), (b, c, a), (c, a, b))
     )
 
 
-def find_dihedral(positions: Float[np.ndarray, "C 3"], a: int, b: int, c: int, d: int) -> float:
+def compute_dihedral(positions: Float[np.ndarray, "C 3"], a: int, b: int, c: int, d: int) -> float:
     """Return the angle [rad] between the faces a b c and a b d at their common edge; pi where flat."""
     along = positions[b] - positions[a]
     along = along / max(float(np.linalg.norm(along)), 1e-300)
     left, right = positions[c] - positions[a], positions[d] - positions[a]
-    return _find_angle(left - (left @ along) * along, right - (right @ along) * along)
+    return _compute_angle(left - (left @ along) * along, right - (right @ along) * along)
 
 
 def _close_triangle(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"], a: int, b: int) -> bool:
@@ -219,7 +219,7 @@ def _close_triangle(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"], a: int
             and mesh.count_faces(a, unit) < 2
             and mesh.count_faces(b, unit) < 2
             and has_fair_angles(positions, a, b, unit)
-            and find_dihedral(positions, a, b, apex, unit) >= MIN_DIHEDRAL
+            and compute_dihedral(positions, a, b, apex, unit) >= MIN_DIHEDRAL
         ):
             return mesh.add_face(a, b, unit)
     return False
@@ -281,7 +281,7 @@ def _rank_face(
     return shared, float(np.linalg.norm(np.cross(side, other)))
 
 
-def _find_angle(first: Float[np.ndarray, " 3"], second: Float[np.ndarray, " 3"]) -> float:
+def _compute_angle(first: Float[np.ndarray, " 3"], second: Float[np.ndarray, " 3"]) -> float:
     """Return the angle between two vectors [rad]."""
     length = float(np.sqrt((first @ first) * (second @ second)))
     return float(np.arccos(np.clip((first @ second) / max(length, 1e-300), -1, 1)))

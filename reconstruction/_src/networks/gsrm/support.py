@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import cross_rows, find_lengths
+from reconstruction._src.geometry.rows import compute_lengths, cross_rows
 from reconstruction._src.networks.gsrm.growth import Level
 
 _TOPOLOGY_GAP = 2.0
@@ -81,7 +81,7 @@ class Support:
         distances, nearest = self._tree.query(places)
         is_void = distances > _TOPOLOGY_GAP * self._spacings[nearest]
         cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        expected = find_lengths(cross) / 2 / self._spacings[nearest].mean(axis=1) ** 2
+        expected = compute_lengths(cross) / 2 / self._spacings[nearest].mean(axis=1) ** 2
         void = expected * is_void.mean(axis=1)
         for face in np.flatnonzero(void):
             if self._count_over(corners[face]) >= max(1, min_cover * expected[face]):
@@ -96,7 +96,7 @@ class Support:
     def _count_over(self, corners: Float[np.ndarray, "3 3"]) -> int:
         """Count the samples within a face's reach whose foot lies in it."""
         middle = corners.mean(axis=0)
-        radius = find_lengths(corners - middle).max()
+        radius = compute_lengths(corners - middle).max()
         offset = self._tree.data[self._tree.query_ball_point(middle, radius)] - corners[0]
         side, other = corners[1] - corners[0], corners[2] - corners[0]
         gram = np.array([[side @ side, side @ other], [side @ other, other @ other]])

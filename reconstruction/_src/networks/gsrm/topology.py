@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import group_sides, is_in_sorted, make_manifold
-from reconstruction._src.geometry.orientation import find_components
-from reconstruction._src.geometry.rows import find_lengths, sum_rows
+from reconstruction._src.geometry.orientation import compute_components
+from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction._src.networks.gsrm.support import (
     DEBRIS_RATIO,
@@ -85,7 +85,7 @@ def join_components(
     """
     num_units = len(units)
     part = np.arange(num_units)
-    part[faces] = num_units + find_components(faces, num_units)[:, None]
+    part[faces] = num_units + compute_components(faces, num_units)[:, None]
     if part.max() == num_units:
         return faces
     border = find_border(faces, num_units)
@@ -119,7 +119,7 @@ def _witness_midpoints(
     num_neighbors: int,
 ) -> Int[np.ndarray, " L"]:
     """Return the keys with those that places between the selected units and their neighbors witness as well."""
-    midpoints = find_midpoints(units, selected, num_neighbors)
+    midpoints = compute_midpoints(units, selected, num_neighbors)
     added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
     return _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
 
@@ -167,13 +167,13 @@ def drop_debris(faces: Int[np.ndarray, "F 3"], num_units: int) -> Int[np.ndarray
     """Return the faces without components of a few faces, where there are much larger ones."""
     if len(faces) < DEBRIS_RATIO:
         return faces
-    part = find_components(faces, num_units)
+    part = compute_components(faces, num_units)
     sizes = np.bincount(part)
     is_kept = (sizes >= MIN_COMPONENT) | (sizes * DEBRIS_RATIO > sizes.max())
     return faces[is_kept[part]]
 
 
-def find_midpoints(
+def compute_midpoints(
     units: Float[np.ndarray, "U 3"], selected: Int[np.ndarray, " C"], num_neighbors: int
 ) -> Float[np.ndarray, "P 3"]:
     """Return the places halfway between each selected unit and its nearest ones."""
@@ -215,7 +215,7 @@ def find_empty(
     """Find the faces whose circumscribed ball contains no neighbor of a corner."""
     table = _tabulate_neighbors(edges, len(units))
     neighbors = units[table].astype(np.float32)
-    centers, squared_radii = find_circumcenters(units[faces])
+    centers, squared_radii = compute_circumcenters(units[faces])
     limits = (squared_radii * (1 - _EMPTINESS_SLACK)).astype(np.float32)
     centers = centers.astype(np.float32)
     left, margin = np.flatnonzero(np.isfinite(limits)), np.full(len(faces), np.inf, dtype=np.float32)
@@ -230,7 +230,7 @@ def find_empty(
     return left, margin[left] / limits[left]
 
 
-def find_circumcenters(
+def compute_circumcenters(
     corners: Float[np.ndarray, "F 3 3"],
 ) -> tuple[Float[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
     """Return centers and squared radii of the circles through three corners each.
@@ -251,7 +251,7 @@ def find_circumcenters(
 def rate_faces(units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
     """Return how good each face is: short perimeter first, relative to the mean."""
     corners = units[faces]
-    perimeter = find_lengths(corners - np.roll(corners, 1, axis=1)).sum(axis=1)
+    perimeter = compute_lengths(corners - np.roll(corners, 1, axis=1)).sum(axis=1)
     return perimeter.mean() / np.maximum(perimeter, 1e-300) if len(faces) else perimeter
 
 

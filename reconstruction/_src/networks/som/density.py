@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import find_lengths, sum_rows
+from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 
 _STRIDE = 4
 """Where neighbors lie on one line, every fourth sample is used instead, and so on: the spacing doubles."""
@@ -175,7 +175,7 @@ def _find_off(samples: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
     if len(is_far):
         is_off[is_far] |= _find_spread(samples[neighbors[is_far]])[:, 2] > _VOLUME_VARIANCE
     spacing = np.median(distances[:, -1][others], axis=1) * np.sqrt(np.pi / _PLANE_NEIGHBORS)
-    lateral = find_lengths(samples - samples[others].mean(axis=1))
+    lateral = compute_lengths(samples - samples[others].mean(axis=1))
     # Only what is not in the middle of its neighbors can stand off their plane.
     todo = np.flatnonzero((lateral > _MIN_HEIGHT * spacing) & ~is_off)
     around = reach[others[todo]]

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.rows import find_lengths
+from reconstruction._src.geometry.rows import compute_lengths
 
 _PLACE_BITS = 7
 _PLACE_MASK = (1 << _PLACE_BITS) - 1
@@ -145,7 +145,7 @@ def search_all(tiles: Tiles, units: Float[np.ndarray, "U 3"], k: int) -> Int[np.
     candidates, reach = find_candidates(tiles, units, num_candidates)
     found, squared = search_tiles(jnp.asarray(tiles.samples), jnp.asarray(units), jnp.asarray(candidates), k)
     winners = np.array(found)
-    offset = find_lengths(tiles.samples - tiles.centers[:, None])
+    offset = compute_lengths(tiles.samples - tiles.centers[:, None])
     is_doubtful = np.sqrt(np.asarray(squared)[..., -1]) * (1 + _TIE) + offset > reach[:, None]
     if is_doubtful.any():
         _, exact = cKDTree(units).query(tiles.samples[is_doubtful], k=k)

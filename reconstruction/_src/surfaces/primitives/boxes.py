@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import find_vertex_normals, group_sides
+from reconstruction._src.geometry.manifold import compute_vertex_normals, group_sides
 from reconstruction._src.surfaces.primitives.primitive import (
     MAX_EXPOSED,
     MIN_COVERED,
@@ -119,7 +119,7 @@ class Surface:
     def __init__(self, vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> None:
         """Find the rim."""
         self._vertices, self._faces = vertices, faces
-        self._normals = find_vertex_normals(vertices, faces)
+        self._normals = compute_vertex_normals(vertices, faces)
         sides = group_sides(faces, len(vertices))
         slots = sides.slots[sides.starts[sides.counts == 1]]
         self._rim = np.zeros(len(vertices), dtype=bool)
@@ -130,9 +130,9 @@ class Surface:
         """Return whether faces cover enough of a closed shape, and all of it lies on the surface or behind it."""
         if area < MIN_COVERED * float(shape.as_mesh().area):
             return False
-        return self.find_exposed(shape, tolerance) <= MAX_EXPOSED
+        return self.compute_exposed(shape, tolerance) <= MAX_EXPOSED
 
-    def find_exposed(self, shape: Primitive, tolerance: float) -> float:
+    def compute_exposed(self, shape: Primitive, tolerance: float) -> float:
         """Return the share of a closed shape that neither lies on the surface nor behind it.
 
         A point whose nearest place of the surface is at the rim, where the surface ends, is not behind it.

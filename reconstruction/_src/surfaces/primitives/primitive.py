@@ -77,7 +77,7 @@ def take_out(
     local = (corners - primitive.center) @ primitive.axes
     size = primitive.half_sizes
     is_on = (np.abs(local[..., 2] - size[2]) <= tolerance).all(axis=1)
-    is_on &= _find_normals(corners) @ primitive.axes[:, 2] > 0.0
+    is_on &= _compute_normals(corners) @ primitive.axes[:, 2] > 0.0
     limits = size[:2] - margin
     is_on &= (local[..., :2].min(axis=1) < limits).all(axis=1) & (local[..., :2].max(axis=1) > -limits).all(
         axis=1
@@ -115,7 +115,7 @@ def _drop_flat(corners: Float[np.ndarray, "F 3 3"]) -> Float[np.ndarray, "G 3 3"
     return corners[np.linalg.norm(crossed, axis=1) / 2 > _LEAST_AREA]
 
 
-def _find_normals(corners: Float[np.ndarray, "F 3 3"]) -> Float[np.ndarray, "F 3"]:
+def _compute_normals(corners: Float[np.ndarray, "F 3 3"]) -> Float[np.ndarray, "F 3"]:
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), 1e-300)
 
@@ -282,10 +282,10 @@ def fit_shape(shape: Shapes, points: Float[np.ndarray, "N 3"], weights: Float[np
         axis = _normalize(shape.axis + x[3:5] @ basis)
         return shape._replace(point=shape.point + x[:2] @ basis, axis=axis, radius=shape.radius + x[2])
 
-    def find_gaps(x: Float[np.ndarray, " P"]) -> Float[np.ndarray, " N"]:
+    def compute_gaps(x: Float[np.ndarray, " P"]) -> Float[np.ndarray, " N"]:
         return np.sqrt(weights) * make(x).measure(points)[0][0]
 
-    found = least_squares(find_gaps, np.zeros(4 if shape.kind == "sphere" else 5), max_nfev=30)
+    found = least_squares(compute_gaps, np.zeros(4 if shape.kind == "sphere" else 5), max_nfev=30)
     made = make(found.x)
     return made._replace(radius=np.abs(made.radius))
 

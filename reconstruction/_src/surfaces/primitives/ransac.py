@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import find_hinges, find_normals, group_sides
+from reconstruction._src.geometry.manifold import compute_normals, find_hinges, group_sides
 from reconstruction._src.surfaces.primitives.primitive import (
     CANDIDATES,
     FITS,
@@ -73,7 +73,7 @@ def estimate_noise(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F
     np.add.at(count, one, 1.0)
     normals = np.zeros_like(vertices)
     for k in range(3):
-        np.add.at(normals, faces[:, k], find_normals(vertices, faces))
+        np.add.at(normals, faces[:, k], compute_normals(vertices, faces))
     is_inner = (count >= 3) & (np.linalg.norm(normals, axis=1) > 0)
     if not is_inner.any():
         return 0.0
@@ -116,7 +116,7 @@ def find_shapes(
 def _prepare(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> _Faces:
     corners = vertices[faces]
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
-    normals = find_normals(vertices, faces)
+    normals = compute_normals(vertices, faces)
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
     smooth = normals
     for _ in range(_SMOOTHING):

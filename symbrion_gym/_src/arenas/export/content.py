@@ -15,7 +15,7 @@ from reconstruction._src.geometry.halfspaces import Box, find_box
 from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.friction_map import FrictionMap
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
-from symbrion_gym._src.arenas.spec import ArenaGeometry, find_patch_frictions
+from symbrion_gym._src.arenas.spec import ArenaGeometry, compute_patch_frictions
 from symbrion_gym._src.arenas.texture import SurfaceTexture
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.errors import ArenaError
@@ -176,7 +176,7 @@ def make_content(
         parts += [piece] if limited is None else limited.parts
         deviation = max(deviation, 0.0 if limited is None else limited.deviation)
     digits = max(len(str(len(parts) - 1)), 3)
-    frictions = find_patch_frictions(parts, friction_map)
+    frictions = compute_patch_frictions(parts, friction_map)
     return Content(
         solids=[
             Solid(f"arena_piece_{i:0{digits}d}", part, find_box(part), frictions[i])

@@ -113,7 +113,7 @@ def _format_assets(content: Content) -> Iterator[str]:
     if content.height_field is not None:
         field = content.height_field
         rows, columns = field.heights.shape
-        lowest, rise = _find_rise(field)
+        lowest, rise = _compute_rise(field)
         size = [*((field.high - field.low) / 2), rise, FIELD_BASE]
         # MuJoCo reads the rows of an elevation from the far end to the near one.
         heights = ((field.heights - lowest) / rise)[::-1]
@@ -135,7 +135,7 @@ def _format_geoms(content: Content) -> Iterator[str]:
         yield f'<geom name="{solid.name}" {_format_shape(solid)} {common} {friction} {look}/>'
     if content.height_field is not None:
         field = content.height_field
-        position = [*((field.high + field.low) / 2), _find_rise(field)[0]]
+        position = [*((field.high + field.low) / 2), _compute_rise(field)[0]]
         yield (
             f'<geom name="arena_height_field" type="hfield" hfield="arena_height_field" '
             f'pos="{_join(position)}" {common} {ground}/>'
@@ -157,7 +157,7 @@ def _format_shape(solid: Solid) -> str:
     )
 
 
-def _find_rise(field: HeightField) -> tuple[float, float]:
+def _compute_rise(field: HeightField) -> tuple[float, float]:
     """Return the lowest height, and how far the highest is above it [m]."""
     lowest = float(field.heights.min())
     return lowest, max(float(field.heights.max()) - lowest, LEAST_RISE)

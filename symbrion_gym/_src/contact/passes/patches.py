@@ -10,7 +10,7 @@ from jaxtyping import Float
 from scipy.ndimage import distance_transform_edt
 
 from reconstruction._src.geometry.rows import make_hull
-from symbrion_gym._src.contact.acceptance import ACCEPTANCE_P95, find_miss
+from symbrion_gym._src.contact.acceptance import ACCEPTANCE_P95, compute_miss
 from symbrion_gym._src.contact.decomposition import is_solid
 from symbrion_gym._src.contact.kinds import (
     COARSEST,
@@ -29,13 +29,13 @@ from symbrion_gym._src.contact.patches import join_faces
 from symbrion_gym._src.contact.problem import ContactProblem
 from symbrion_gym._src.contact.simplification import (
     GROWTH,
-    find_simple,
     is_drawn,
     list_counts,
+    select_simple,
     simplify_surface,
     snap_to_planes,
 )
-from symbrion_gym._src.contact.solid import find_inner_points, find_thickness
+from symbrion_gym._src.contact.solid import compute_thickness, find_inner_points
 
 _THICK = 1e-8
 """A solid with an area times depth of more has a volume in single precision, too [m³]."""
@@ -70,7 +70,7 @@ def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Cont
     """
     options = problem.options
     counts = list_counts(len(surface.faces))
-    start = find_simple(
+    start = select_simple(
         surface,
         problem.distance,
         problem.aim,
@@ -115,7 +115,7 @@ def thicken_patches(
     def find_limits(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
         return np.where(problem.is_seen_from_behind(places), thickness.two_sided, np.inf)
 
-    depths = find_thickness(mesh, find_limits, thickness)
+    depths = compute_thickness(mesh, find_limits, thickness)
     vertices, corners = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     single = list(np.arange(len(mesh.faces))[:, None])
     patches = join_faces(mesh, depths, tolerance) if tolerance > 0 else single
@@ -137,7 +137,7 @@ def _is_reached(problem: ContactProblem, contact: Contact) -> bool:
 
 
 def _find_miss(problem: ContactProblem, contact: Contact) -> float:
-    return find_miss(contact, problem.accuracy, problem.options.max_pieces)
+    return compute_miss(contact, problem.accuracy, problem.options.max_pieces)
 
 
 def fit_height_field(problem: ContactProblem, best: Contact | None) -> Contact | None:
@@ -156,7 +156,7 @@ def fit_height_field(problem: ContactProblem, best: Contact | None) -> Contact |
 
 def measure_heights(problem: ContactProblem, heights: HeightField, notes: dict) -> Contact:
     """Return a height field with its distances from the surface."""
-    gaps = problem.distance.find_gaps_of_sheet(heights.as_mesh())
+    gaps = problem.distance.compute_gaps_of_sheet(heights.as_mesh())
     quality = problem.distance.summarize(gaps, 0, problem.deadline.elapsed)
     return Contact([], quality, heights, notes)
 

@@ -21,7 +21,7 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.behavior.percepts import Heard, Wired, Words
 from symbrion_gym._src.swarm.behavior.steering import wrap
-from symbrion_gym._src.swarm.docks import find_dock_poses
+from symbrion_gym._src.swarm.docks import compute_dock_poses
 from symbrion_gym._src.swarm.signals.infrared import (
     FALLOFF,
     LOBE,
@@ -90,14 +90,14 @@ _BODY = 0.045
 """Half of the width that a body shades [m]: less than half of its edge, as light passes its round corners."""
 _TALL = 0.08
 """Bodies shade what passes less than this above or below their centers [m]."""
-_SIDE_ANGLES = np.array([ScoutConfig().find_dock(side)[2] for side in SIDES])
+_SIDE_ANGLES = np.array([ScoutConfig().compute_dock(side)[2] for side in SIDES])
 
 
 def find_geometry(state: SwarmState, speaks: Bool[np.ndarray, "N 4"], config: HearingConfig) -> Geometry:
     """Return which speaking docks reach which robots: bright enough, with no other robot between."""
     light = config.light
     farthest = (2.0 * light.gain / MESSAGE_THRESHOLD) ** (1.0 / FALLOFF)
-    place, axis = find_dock_poses(state)
+    place, axis = compute_dock_poses(state)
     sender, side = np.nonzero(speaks)
     way = place[sender, side][None] - state.position[:, None]
     far = np.linalg.norm(way, axis=-1)
@@ -112,13 +112,13 @@ def find_geometry(state: SwarmState, speaks: Bool[np.ndarray, "N 4"], config: He
     distance = np.maximum(far - own[receiver, off_sides.argmin(axis=-1)], 0.0)
     out = axis[sender, side]
     departure = wrap(np.arctan2(-way[:, 1], -way[:, 0]) - np.arctan2(out[:, 1], out[:, 0]))
-    kept = find_brightness(distance, departure, off_sides.min(axis=-1), light) > MESSAGE_THRESHOLD
+    kept = compute_brightness(distance, departure, off_sides.min(axis=-1), light) > MESSAGE_THRESHOLD
     found = Geometry(*(part[kept] for part in (receiver, sender, side, distance, bearing, departure)))
     shaded = _find_shaded(state.position, place, found.receiver, found.sender, found.side)
     return Geometry(*(part[~shaded] for part in found))
 
 
-def find_brightness(
+def compute_brightness(
     distance: Float[np.ndarray, "*S"],
     departure: Float[np.ndarray, "*S"],
     off_side: Float[np.ndarray, "*S"],

@@ -53,7 +53,7 @@ class Sensing:
         pitch, roll = readings["tilt"].T
         return Percepts(
             proximity=readings["proximity"],
-            drop=find_drop(readings["laser"], pitch, world.scout),
+            drop=compute_drop(readings["laser"], pitch, world.scout),
             pitch=pitch,
             roll=roll,
             odometry=self._run,
@@ -65,7 +65,7 @@ class Sensing:
         )
 
 
-def find_drop(
+def compute_drop(
     laser: Float[np.ndarray, "N B"], pitch: Float[np.ndarray, " N"], scout: ScoutConfig
 ) -> Float[np.ndarray, " N"]:
     """Return how far the ground ahead lies below that under a robot [m]; infinity where a beam meets none."""

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.behavior.percepts import BACK, FRONT, LEFT, RIGHT, Heard
 
-SIDE_ANGLES = np.array([ScoutConfig().find_dock(side)[2] for side in SIDES])
+SIDE_ANGLES = np.array([ScoutConfig().compute_dock(side)[2] for side in SIDES])
 """Directions of the docks in the frame of a robot [rad], in the order of `SIDES`."""
 HALF_GAUGE = 0.0458
 """Half the distance of the tracks [m] (S: the authors' simulator)."""

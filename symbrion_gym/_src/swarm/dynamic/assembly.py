@@ -242,7 +242,7 @@ def _find_owners(model: mujoco.MjModel, names: list[str]) -> Int[np.ndarray, " G
     return owners
 
 
-def find_loads(
+def compute_loads(
     assembly: Assembly, data: mujoco.MjData, links: Sequence[Docking], scout: ScoutConfig
 ) -> Float[np.ndarray, "N 4"]:
     """Return the force through each dock [N] in the last physics step; 0 where nothing is latched.
@@ -256,7 +256,7 @@ def find_loads(
         return loads
     model = assembly.model
     mujoco.mj_rnePostConstraint(model, data)
-    needed = _find_inertial(assembly, data, scout) - _find_pushes(assembly, data)
+    needed = _compute_inertial(assembly, data, scout) - _compute_pushes(assembly, data)
     for link in links:
         others = [each for each in links if each != link]
         groups = find_groups(others, count)
@@ -266,7 +266,9 @@ def find_loads(
     return loads
 
 
-def _find_inertial(assembly: Assembly, data: mujoco.MjData, scout: ScoutConfig) -> Float[np.ndarray, "N 3"]:
+def _compute_inertial(
+    assembly: Assembly, data: mujoco.MjData, scout: ScoutConfig
+) -> Float[np.ndarray, "N 3"]:
     """Return mass times (acceleration - gravity) of chassis and arm of each robot [N]."""
     model = assembly.model
     chassis, arm = find_parts(scout)
@@ -282,10 +284,10 @@ def _find_inertial(assembly: Assembly, data: mujoco.MjData, scout: ScoutConfig) 
     return chassis.mass * acceleration[:, 0] + arm.mass * acceleration[:, 1]
 
 
-def _find_pushes(assembly: Assembly, data: mujoco.MjData) -> Float[np.ndarray, "N 3"]:
+def _compute_pushes(assembly: Assembly, data: mujoco.MjData) -> Float[np.ndarray, "N 3"]:
     """Return the sum of contact forces and applied forces on each robot [N]."""
     pushes = np.zeros((len(assembly.sites), 3))
-    owners, forces = find_contact_forces(assembly, data)
+    owners, forces = compute_contact_forces(assembly, data)
     world = np.einsum("cji,cj->ci", data.contact.frame.reshape(-1, 3, 3), forces)
     world[owners[:, 0] == owners[:, 1]] = 0.0
     for side, sign in enumerate((-1.0, 1.0)):
@@ -297,7 +299,7 @@ def _find_pushes(assembly: Assembly, data: mujoco.MjData) -> Float[np.ndarray, "
     return pushes
 
 
-def find_contact_forces(
+def compute_contact_forces(
     assembly: Assembly, data: mujoco.MjData
 ) -> tuple[Int[np.ndarray, "C 2"], Float[np.ndarray, "C 3"]]:
     """Return the robots that each contact is between, -1 for the arena, and its force in its frame, normal first [N].

@@ -76,7 +76,7 @@ def find_parts(scout: ScoutConfig) -> tuple[Part, Part]:
     return parts[0], parts[1]
 
 
-def find_part_motions(motion: Motion, scout: ScoutConfig) -> tuple[PartMotion, PartMotion]:
+def compute_part_motions(motion: Motion, scout: ScoutConfig) -> tuple[PartMotion, PartMotion]:
     """Return how chassis and arms move."""
     frames = motion.rotation
     lift = np.zeros((len(frames), 3, 3))
@@ -95,12 +95,12 @@ def find_part_motions(motion: Motion, scout: ScoutConfig) -> tuple[PartMotion, P
     return moving[0], moving[1]
 
 
-def find_momentum(
+def compute_momentum(
     motion: Motion, scout: ScoutConfig
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Return the momentum of all robots [kg m/s] and their angular momentum about the origin [kg m²/s]."""
     linear, angular = np.zeros(3), np.zeros(3)
-    for part in find_part_motions(motion, scout):
+    for part in compute_part_motions(motion, scout):
         push = part.mass * part.velocity
         turning = np.einsum("nij,nj->ni", part.inertia, part.spin)
         linear += push.sum(axis=0)
@@ -108,16 +108,16 @@ def find_momentum(
     return linear, angular
 
 
-def find_kinetic_energy(motion: Motion, scout: ScoutConfig) -> Float[np.ndarray, " N"]:
+def compute_kinetic_energy(motion: Motion, scout: ScoutConfig) -> Float[np.ndarray, " N"]:
     """Return the kinetic energy of each robot [J], that of its motor's inertia included."""
     energy = 0.5 * scout.hinge_armature * motion.hinge_rate**2
-    for part in find_part_motions(motion, scout):
+    for part in compute_part_motions(motion, scout):
         energy = energy + 0.5 * part.mass * (part.velocity**2).sum(axis=1)
         energy = energy + 0.5 * np.einsum("ni,nij,nj->n", part.spin, part.inertia, part.spin)
     return energy
 
 
-def find_jump(before: Motion, after: Motion) -> tuple[float, float, float]:
+def compute_jump(before: Motion, after: Motion) -> tuple[float, float, float]:
     """Return the largest jump of a robot: position [m], angle of chassis or arm [rad], velocity [m/s]."""
     position = np.linalg.norm(after.position - before.position, axis=1).max()
     between = np.einsum("nji,njk->nik", before.rotation, after.rotation)

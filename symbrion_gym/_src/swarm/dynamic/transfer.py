@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.dynamic.assembly import Assembly, Tree
-from symbrion_gym._src.swarm.dynamic.motion import FOLDED, Motion, find_part_motions
+from symbrion_gym._src.swarm.dynamic.motion import FOLDED, Motion, compute_part_motions
 
 _LEVER = 0.05
 """Distance of the points that stand for the orientation of a module in the fit of a tree [m]: its half size."""
@@ -124,7 +124,7 @@ def _project_velocities(
     bodies = (model.site_bodyid[assembly.sites], assembly.arms)
     jacobian, turning = np.zeros((2, 3, model.nv))
     robots = [robot for tree in trees for robot in tree.robots]
-    for part, carriers in zip(find_part_motions(motion, scout), bodies, strict=True):
+    for part, carriers in zip(compute_part_motions(motion, scout), bodies, strict=True):
         for robot in robots:
             place = part.center[robot] + data.site_xpos[assembly.sites[robot]] - motion.position[robot]
             mujoco.mj_jac(model, data, jacobian, turning, place, int(carriers[robot]))
@@ -157,7 +157,7 @@ class Mating:
     began: float
 
 
-def find_error(
+def compute_error(
     assembly: Assembly, data: mujoco.MjData, link: Docking, scout: ScoutConfig
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Return how far two docks are from their exact pose: displacement [m] and rotation vector [rad]."""
@@ -170,7 +170,7 @@ def find_error(
 
 def has_mated(assembly: Assembly, data: mujoco.MjData, link: Docking, scout: ScoutConfig) -> bool:
     """Return whether two docks are in their exact pose, so that a tree can take them over without a jump."""
-    offset, turn = find_error(assembly, data, link, scout)
+    offset, turn = compute_error(assembly, data, link, scout)
     return bool(np.linalg.norm(offset) <= EXACT and np.linalg.norm(turn) <= EXACT_ANGLE)
 
 
@@ -201,7 +201,7 @@ def write_weld(
     data.eq_active[weld] = 1
 
 
-def find_share(elapsed: float, mating_time: float) -> float:
+def compute_share(elapsed: float, mating_time: float) -> float:
     """Return how much of the way is left after a time [s]: it begins and ends at rest."""
     if elapsed >= mating_time:
         return 0.0

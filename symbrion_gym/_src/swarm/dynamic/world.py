@@ -14,22 +14,22 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.robot.tracks import find_wheel_radius
+from symbrion_gym._src.robot.tracks import compute_wheel_radius
 from symbrion_gym._src.swarm.docks import DockConfig, find_matches, find_released, sort_links
 from symbrion_gym._src.swarm.dynamic.assembly import (
     Assembler,
     Assembly,
     Layout,
     Tree,
+    compute_loads,
     find_layout,
-    find_loads,
 )
-from symbrion_gym._src.swarm.dynamic.motion import FOLDED, Motion, find_jump
+from symbrion_gym._src.swarm.dynamic.motion import FOLDED, Motion, compute_jump
 from symbrion_gym._src.swarm.dynamic.transfer import (
     Mating,
+    compute_error,
+    compute_share,
     copy_tree,
-    find_error,
-    find_share,
     has_mated,
     read_motion,
     refresh,
@@ -214,7 +214,7 @@ class DynamicWorld:
                 blocked[robot, SIDES.index(side)] = False
         new = find_matches(state, blocked, self.docks, self.scout)
         for link in new:
-            offset, turn = find_error(self.assembly, self.data, link, self.scout)
+            offset, turn = compute_error(self.assembly, self.data, link, self.scout)
             self.matings[link] = Mating(offset, turn, self.time)
         self.matings = {link: each for link, each in self.matings.items() if link not in gone}
         self._links, self._torn = sort_links([*kept, *new]), frozenset()
@@ -234,7 +234,7 @@ class DynamicWorld:
                 return
             self._enter(layout, before, assembly)
             after = self._read_now()
-            if find_jump(before, after)[0] <= _LARGEST_JUMP or not joined:
+            if compute_jump(before, after)[0] <= _LARGEST_JUMP or not joined:
                 self.conversion = before, after
                 return
             self.assembly, self.data = assembly, data
@@ -276,7 +276,7 @@ class DynamicWorld:
 
     def _write_tracks(self, tracks: Float[np.ndarray, "N 2"]) -> None:
         geoms = self.assembly.track_geoms
-        rate = np.repeat(tracks / find_wheel_radius(self.scout), geoms.shape[1] // 2, axis=1)
+        rate = np.repeat(tracks / compute_wheel_radius(self.scout), geoms.shape[1] // 2, axis=1)
         self.assembly.model.geom_surfacevel[geoms, 4] = rate
 
     def _write_servos(self, hinge: Float[np.ndarray, " N"]) -> None:
@@ -292,12 +292,12 @@ class DynamicWorld:
     def _write_welds(self) -> None:
         for index, link in enumerate(self.assembly.layout.welds):
             mating = self.matings.get(link, _EXACT)
-            share = find_share(self.time - mating.began, self.docks.mating_time)
+            share = compute_share(self.time - mating.began, self.docks.mating_time)
             write_weld(self.assembly, self.data, index, mating, self.scout, share)
 
     def _read_state(self) -> SwarmState:
         """Return the state now; docks whose load is too large are noted where they tear."""
-        load = find_loads(self.assembly, self.data, self._links, self.scout)
+        load = compute_loads(self.assembly, self.data, self._links, self.scout)
         refresh(self.assembly.model, self.data)
         motion = read_motion(self.assembly, self.data)
         if self.docks.tears:

@@ -24,10 +24,10 @@ from symbrion_gym._src.swarm.kinematic.motion import (
     Poses,
     avoid_overlaps,
     choose_roots,
+    compute_spins,
     find_layout,
     find_overlaps,
     find_pairs,
-    find_spins,
     hold_arms,
     make_rotations,
     outline,
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 
-def find_twists(
+def compute_twists(
     tracks: Float[np.ndarray, "N 2"],
     groups: Int[np.ndarray, " N"],
     layout: Float[np.ndarray, "N 3"],
@@ -188,7 +188,7 @@ class KinematicWorld:
         for _ in range(_LANDING_ROUNDS):
             self._check_ground(poses, fit)
             rotation = make_rotations(fit.normal, poses[:, 2])
-            position[:, 2] = self._find_center_height(fit)
+            position[:, 2] = self._compute_center_height(fit)
             fit = self._ground.fit(position, rotation, groups)
         hinge = np.zeros(count)
         self._check_overlaps(Poses(position, rotation, hinge))
@@ -294,7 +294,7 @@ class KinematicWorld:
             organism, order = make_organism(
                 links, np.flatnonzero(self._roots == root).tolist(), self.scout, int(root)
             )
-            self._nominal[list(order)] = [(pose.x, pose.y, pose.heading) for pose in organism.find_poses()]
+            self._nominal[list(order)] = [(pose.x, pose.y, pose.heading) for pose in organism.compute_poses()]
         self._mated_at = np.full(self.num_robots, self.time + self.docks.mating_time)
 
     def _propose(
@@ -304,7 +304,7 @@ class KinematicWorld:
         groups = self._roots
         layout = self._mate(find_layout(old, groups))
         pulls = -old.rotation[:, 2, :2] / old.rotation[:, 2, 2:]
-        twist = find_twists(tracks, groups, layout, old.hinge, pulls, self.scout)
+        twist = compute_twists(tracks, groups, layout, old.hinge, pulls, self.scout)
         root_rotation, root_heading = old.rotation[groups], old.heading[groups]
         turn = twist[:, 2] * DECISION
         c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
@@ -316,7 +316,7 @@ class KinematicWorld:
         fit = self._ground.fit(guess.position, guess.rotation, groups)
         normal = np.where(np.isfinite(fit.normal), fit.normal, root_rotation[:, :, 2])
         rotation = make_rotations(normal, heading)
-        position[:, 2] = np.where(np.isfinite(fit.height), self._find_center_height(fit), position[:, 2])
+        position[:, 2] = np.where(np.isfinite(fit.height), self._compute_center_height(fit), position[:, 2])
         full = place_members(position, rotation, layout, hinge)
         turned = Poses(old.position, make_rotations(old.rotation[:, :, 2], old.heading + turn), hinge)
         return full, turned, fit
@@ -333,7 +333,7 @@ class KinematicWorld:
         share = share * np.minimum(1.0, _MOST_PULL / np.maximum(longest, _MOST_PULL))[self._roots]
         return layout + share[:, None] * off
 
-    def _find_center_height(self, fit: GroundFit) -> Float[np.ndarray, " N"]:
+    def _compute_center_height(self, fit: GroundFit) -> Float[np.ndarray, " N"]:
         """Return the height of the center of each robot's root above the foot of its normal [m]."""
         return fit.height + self.scout.size[2] / 2 * fit.normal[:, 2]
 
@@ -349,7 +349,7 @@ class KinematicWorld:
 
     def _finish(self, new: Poses, old: Poses, tracks: Float[np.ndarray, "N 2"]) -> None:
         """Keep the new poses with the rates that led to them."""
-        spin = find_spins(old.rotation, new.rotation, DECISION)
+        spin = compute_spins(old.rotation, new.rotation, DECISION)
         self.state = self.state._replace(
             position=new.position,
             rotation=new.rotation,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 
-def find_headings(rotation: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N"]:
+def compute_headings(rotation: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N"]:
     """Return the directions of the x axes, seen from above [rad]."""
     return np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
 
@@ -39,7 +39,7 @@ def make_rotations(
     return result
 
 
-def find_spins(
+def compute_spins(
     old: Float[np.ndarray, "N 3 3"], new: Float[np.ndarray, "N 3 3"], duration: float
 ) -> Float[np.ndarray, "N 3"]:
     """Return the constant rates of rotation that lead from one attitude to another [rad/s], in the arena's frame."""
@@ -104,8 +104,8 @@ def find_overlaps(one: Outlines, other: Outlines, scout: ScoutConfig) -> Float[n
     chassis and other arms.
     """
     half = scout.size[0] / 2
-    depth = 2 * half - _find_lengths(other.center - one.center)
-    depth = np.maximum(depth, 2 * ARM_RADIUS - _find_lengths(other.arm - one.arm))
+    depth = 2 * half - _compute_lengths(other.center - one.center)
+    depth = np.maximum(depth, 2 * ARM_RADIUS - _compute_lengths(other.arm - one.arm))
     for arm, body in ((one, other), (other, one)):
         way = arm.arm - body.center
         x = np.abs(way[:, 0] * body.ahead[:, 0] + way[:, 1] * body.ahead[:, 1]) - half
@@ -120,7 +120,7 @@ def take(outlines: Outlines, robots: Int[np.ndarray, " P"]) -> Outlines:
     return Outlines(*(values[robots] for values in outlines))
 
 
-def _find_lengths(vectors: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P"]:
+def _compute_lengths(vectors: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P"]:
     return np.hypot(vectors[:, 0], vectors[:, 1])
 
 
@@ -144,7 +144,7 @@ class Poses(NamedTuple):
     @property
     def heading(self) -> Float[np.ndarray, " N"]:
         """Directions of the robots, seen from above [rad]."""
-        return find_headings(self.rotation)
+        return compute_headings(self.rotation)
 
 
 def choose_roots(

@@ -120,7 +120,7 @@ def _minimize(
     rows = np.arange(len(loads))
     for _ in range(_ITERATIONS):
         load, pull = loads[rows], force[rows]
-        power, slip, size = _find_power(motion[rows], load, pull, ways, belts)
+        power, slip, size = _compute_power(motion[rows], load, pull, ways, belts)
         along = np.einsum("dmp,dkp->mkp", slip, ways)
         gradient = np.einsum("mp,mkp->mk", load / size, along) - pull
         hessian = np.einsum("mp,pkl->mkl", load / size, squares)
@@ -128,7 +128,7 @@ def _minimize(
         step = -np.linalg.solve(hessian + _RIDGE * np.eye(3), gradient[..., None])[..., 0]
         promised, length = (step * gradient).sum(axis=1), np.ones(len(rows))
         for _ in range(_HALVINGS):
-            now = _find_power(motion[rows] + length[:, None] * step, load, pull, ways, belts)[0]
+            now = _compute_power(motion[rows] + length[:, None] * step, load, pull, ways, belts)[0]
             is_short = now > power + _ENOUGH * length * promised
             if not is_short.any():
                 break
@@ -140,7 +140,7 @@ def _minimize(
     return motion
 
 
-def _find_power(
+def _compute_power(
     motion: Float[np.ndarray, "M 3"],
     loads: Float[np.ndarray, "M 4"],
     force: Float[np.ndarray, "M 3"],
@@ -239,7 +239,7 @@ class Ground:
         foot = position[:, :2] - self._half_height * rotation[:, :2, 2]
         tracks = foot[:, None] + self._tracks @ rotation[:, :2, :2].transpose(0, 2, 1)
         places = np.concatenate([tracks, foot[:, None] + self._rim], axis=1)
-        heights = self._find_heights(places)
+        heights = self._compute_heights(places)
         own = _fit_planes(tracks - foot[:, None], heights[:, : len(self._tracks)], np.arange(len(foot)))
         rim = heights[:, len(self._tracks) :]
         level = own[:, 2:] + own[:, :1] * self._rim[:, 0] + own[:, 1:2] * self._rim[:, 1]
@@ -275,7 +275,7 @@ class Ground:
             wall[near] = np.maximum(self._radius - distance.reshape(-1, num).min(axis=1), 0.0)
         return wall
 
-    def _find_heights(self, places: Float[np.ndarray, "N P 2"]) -> Float[np.ndarray, "N P"]:
+    def _compute_heights(self, places: Float[np.ndarray, "N P 2"]) -> Float[np.ndarray, "N P"]:
         return self._elevation.find_top(places[..., 0], places[..., 1], self._ceiling)[0]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.scout_sensors import find_scout_rays
-from symbrion_gym._src.swarm.docks import find_dock_poses
+from symbrion_gym._src.swarm.docks import compute_dock_poses
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -63,7 +63,7 @@ def _find_unit_rays(scout: ScoutConfig) -> tuple[Float[np.ndarray, "8 3"], Float
     return rays.origins[:NUM_UNITS], rays.directions[:NUM_UNITS]
 
 
-def find_light(
+def compute_light(
     state: SwarmState,
     shining: Bool[np.ndarray, "N 4"],
     sight: Sight,
@@ -71,7 +71,7 @@ def find_light(
     config: SignalConfig,
 ) -> Light:
     """Return the light of docks that reaches units of other robots, in a fixed order."""
-    dock_place, dock_axis = find_dock_poses(state, scout)
+    dock_place, dock_axis = compute_dock_poses(state, scout)
     unit_place, unit_axis = find_units(state, scout)
     sender, dock = np.nonzero(shining)
     start, start_axis = dock_place[sender, dock], dock_axis[sender, dock]
@@ -81,7 +81,7 @@ def find_light(
     row, side = np.nonzero(facing)
     pair, receiver = pair[row], receiver[row]
     units = 2 * side[:, None] + np.arange(2)
-    readings = find_readings(
+    readings = compute_readings(
         start[pair][:, None],
         start_axis[pair][:, None],
         unit_place[receiver[:, None], units],
@@ -123,7 +123,7 @@ def _find_reach(config: SignalConfig, lobe: float) -> float:
     return (config.gain * lobe / _LEAST_READING) ** (1.0 / FALLOFF) if lobe > 0.0 else 0.0
 
 
-def find_readings(
+def compute_readings(
     place: Float[np.ndarray, "*S 3"],
     axis: Float[np.ndarray, "*S 3"],
     unit_place: Float[np.ndarray, "*S 3"],

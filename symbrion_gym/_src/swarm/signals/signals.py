@@ -17,7 +17,7 @@ from symbrion_gym._src.swarm.signals.infrared import (
     SATURATION,
     Light,
     SignalConfig,
-    find_light,
+    compute_light,
 )
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class Signals:
             for robot, side in link.ends:
                 is_free[robot, SIDES.index(side)] = False
         shining, speaking = sent.beacon & is_free, (sent.message != NO_MESSAGE) & is_free
-        light = find_light(state, shining | speaking, self.sight, self._world.scout, self.config)
+        light = compute_light(state, shining | speaking, self.sight, self._world.scout, self.config)
         beacon = self._read_beacons(_select(light, shining))
         message, collided = self._read_messages(_select(light, speaking), sent.message)
         return Receptions(beacon, message, collided, pass_on(sent.wired, state.links))

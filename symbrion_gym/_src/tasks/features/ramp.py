@@ -141,8 +141,8 @@ def _fit_ramp(profile: Profile, first: int, last: int, reach: int, roughness: fl
     gain, offset = np.polyfit(s[inner], heights[inner], 1)
     if np.std(heights[inner] - gain * s[inner] - offset) > roughness:
         return None
-    before = _find_level(heights, first - 2 * reach, first - reach)
-    after = _find_level(heights, last + reach, last + 2 * reach)
+    before = _compute_level(heights, first - 2 * reach, first - reach)
+    after = _compute_level(heights, last + reach, last + 2 * reach)
     ends = [
         float((level - offset) / gain) if level is not None else float(s[fallback])
         for level, fallback in ((before, first), (after, last))
@@ -153,7 +153,7 @@ def _fit_ramp(profile: Profile, first: int, last: int, reach: int, roughness: fl
     return Ramp(profile.way, foot, crest, float(offset + gain * foot), float(offset + gain * crest))
 
 
-def _find_level(heights: Float[np.ndarray, " D"], first: int, last: int) -> float | None:
+def _compute_level(heights: Float[np.ndarray, " D"], first: int, last: int) -> float | None:
     """Return the median height between two samples [m]; None beyond the profile."""
     if first < 0 or last >= len(heights):
         return None

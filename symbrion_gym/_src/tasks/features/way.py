@@ -173,7 +173,7 @@ def read_profile(
     is_middle = np.abs(left) <= search.middle
     profile = _read_middle(heights[:, is_middle], arena.name, search)
     _refuse_covered(arena, x[:, is_middle], y[:, is_middle], search)
-    half_width = _find_half_width(heights, profile, left, search)
+    half_width = _compute_half_width(heights, profile, left, search)
     half_width += _widen(arena, (heading, lateral, half_width), s, profile, lane, search)
     way = Way(heading, lateral, half_width, float(low[0]), float(high[0]))
     return Profile(arena, way, s, left, heights, profile)
@@ -234,7 +234,7 @@ def _refuse_covered(
         )
 
 
-def _find_half_width(
+def _compute_half_width(
     heights: Float[np.ndarray, "D L"],
     profile: Float[np.ndarray, " D"],
     left: Float[np.ndarray, " L"],

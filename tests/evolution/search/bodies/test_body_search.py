@@ -113,7 +113,7 @@ def test_what_a_body_learns_depends_on_no_other():
 
 def test_as_many_learn_on_as_make_all_levels_cost_the_same():
     assert [LEARNING.count_trials(level) for level in range(3)] == [1 + 2, 4 + 2, 2 * 4 + 2]
-    assert [LEARNING.find_promoted_share(level) for level in range(2)] == [0.5, 0.6]
+    assert [LEARNING.compute_promoted_share(level) for level in range(2)] == [0.5, 0.6]
     cheap = replace(LEARNING, levels=(1, 4), is_examined_early=False)
     assert [cheap.count_trials(level) for level in range(2)] == [1, 3 * 4 + 2]
     config = make_config(iterations=20, learning=cheap, bodies=replace(BODIES, smallest=6))

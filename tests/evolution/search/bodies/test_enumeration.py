@@ -42,7 +42,7 @@ def test_dockings_drawn_blindly_give_the_same_bodies():
 def _describe(body: Organism) -> tuple[tuple[int, int, int], ...]:
     """Return where the modules of a body lie seen from the one with a free arm [mm and quarter turns]."""
     (root,) = set(range(body.num_modules)) - set(body.hinges)
-    poses = body.find_poses()
+    poses = body.compute_poses()
     seen = [poses[root].invert().compose(pose) for pose in poses]
     return tuple(sorted((round(p.x * 1e3), round(p.y * 1e3), round(p.heading / 1.5707963) % 4) for p in seen))
 

@@ -5,7 +5,7 @@ import pytest
 
 import reconstruction as rc
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.knowledge.slip.patches import find_friction_patches
+from reconstruction._src.knowledge.slip.patches import estimate_friction_patches
 from tests.reconstruction.knowledge.slip.made_slip import make_slip
 
 
@@ -37,7 +37,7 @@ def test_refine_takes_slip_and_leaves_the_surface(tmp_path) -> None:
     assert loaded.friction.patches[0][:2] == felt.friction.patches[0][:2]
     moved = loaded.refine(np.array([[1.0 + 0.1 * i, 0.1 * (i % 2), 0.0] for i in range(6)]))
     assert len(moved.slip.frictions) == len(felt.slip.frictions), "new points leave the friction"
-    assert find_friction_patches(moved.slip) is not None
+    assert estimate_friction_patches(moved.slip) is not None
 
 
 def test_nothing_new_is_refused() -> None:

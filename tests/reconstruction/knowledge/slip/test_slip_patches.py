@@ -10,7 +10,7 @@ from reconstruction._src.knowledge.slip.drags import (
     join_slip,
     read_slip_arrays,
 )
-from reconstruction._src.knowledge.slip.patches import find_friction_patches
+from reconstruction._src.knowledge.slip.patches import estimate_friction_patches
 from reconstruction._src.scans.slip_readings import find_segments
 from tests.reconstruction.knowledge.slip.made_slip import make_slip
 
@@ -34,7 +34,7 @@ def test_changes_are_found_where_they_are() -> None:
 
 
 def test_ice_in_the_middle_is_one_patch() -> None:
-    felt = find_friction_patches(make_readings(lambda x, y: 0.2 if 1.0 < x < 1.6 else 0.7, noise=0.01))
+    felt = estimate_friction_patches(make_readings(lambda x, y: 0.2 if 1.0 < x < 1.6 else 0.7, noise=0.01))
     assert [round(patch.friction, 2) for patch in felt.patches] == [0.7, 0.2]
     ground, ice = felt.patches
     assert len(ground.rectangles) == 0
@@ -45,7 +45,7 @@ def test_ice_in_the_middle_is_one_patch() -> None:
 
 
 def test_grounds_alike_are_one_patch_wherever_they_are() -> None:
-    felt = find_friction_patches(
+    felt = estimate_friction_patches(
         make_readings(lambda x, y: 0.3 if x < 0.6 else 0.31 if x > 2.4 else 0.7, noise=0.002)
     )
     assert len(felt.patches) == 2
@@ -55,21 +55,23 @@ def test_grounds_alike_are_one_patch_wherever_they_are() -> None:
 
 
 def test_a_place_on_a_border_belongs_to_neither_side() -> None:
-    felt = find_friction_patches(make_readings(lambda x, y: 0.2 if x < 1.5 else 0.45 if x < 1.56 else 0.7))
+    felt = estimate_friction_patches(
+        make_readings(lambda x, y: 0.2 if x < 1.5 else 0.45 if x < 1.56 else 0.7)
+    )
     assert [round(patch.friction, 6) for patch in felt.patches] == [0.2, 0.7]
     assert (felt.patch_of == -1).sum() >= 3
 
 
 def test_half_of_a_lane_may_be_of_another_ground() -> None:
-    felt = find_friction_patches(make_readings(lambda x, y: 0.2 if y > 0.2 else 0.7))
+    felt = estimate_friction_patches(make_readings(lambda x, y: 0.2 if y > 0.2 else 0.7))
     (rectangle,) = felt.patches[1].rectangles
     assert rectangle[1] == pytest.approx(0.2, abs=0.051)
 
 
 def test_too_few_readings_are_no_patch() -> None:
     readings = make_readings(lambda x, y: 0.5)
-    assert find_friction_patches(FrictionReadings(*(array[:1] for array in readings))) is None
-    assert find_friction_patches(FrictionReadings(*(array[:0] for array in readings))) is None
+    assert estimate_friction_patches(FrictionReadings(*(array[:1] for array in readings))) is None
+    assert estimate_friction_patches(FrictionReadings(*(array[:0] for array in readings))) is None
 
 
 def test_a_new_survey_replaces_what_was_known_of_its_places() -> None:

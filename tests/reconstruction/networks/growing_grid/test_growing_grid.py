@@ -15,7 +15,7 @@ from reconstruction._src.networks.growing_grid.growth import (
     start_grid,
 )
 from reconstruction._src.networks.growing_grid.mesh import find_folded, open_pinches, triangulate, unfold
-from reconstruction._src.surfaces.quality import Quality, find_distances, measure_quality
+from reconstruction._src.surfaces.quality import Quality, compute_distances, measure_quality
 
 CONFIG = GrowingGridConfig(units=300)
 
@@ -106,7 +106,7 @@ def test_the_paper_rules_spread_over_the_surface(step, insertion):
     state = train(points, GrowingGridConfig(units=60, mode="paper", insertion=insertion))
     assert 60 <= len(state.vertices) <= 75
     assert judge(state).topology.is_manifold
-    assert find_distances(points, state.vertices, state.faces).mean() < 0.1
+    assert compute_distances(points, state.vertices, state.faces).mean() < 0.1
     again = train(points, GrowingGridConfig(units=60, mode="paper", insertion=insertion))
     assert again.units.tobytes() == state.units.tobytes()
 

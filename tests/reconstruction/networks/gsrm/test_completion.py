@@ -6,7 +6,7 @@ from constants import with_constants
 from reconstruction._src.networks.gsrm import completion, gsrm
 from reconstruction._src.networks.gsrm.completion import find_uncovered
 from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, train
-from reconstruction._src.surfaces.quality import count_topology, find_distances
+from reconstruction._src.surfaces.quality import compute_distances, count_topology
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
 
@@ -39,7 +39,7 @@ def test_what_was_dropped_as_debris_is_covered_and_the_rest_stays_as_it_is():
         without = train(samples, config)
     state = train(samples, config)
     before, after = (
-        find_distances(samples[12_000:12_040], each.units, each.faces) for each in (without, state)
+        compute_distances(samples[12_000:12_040], each.units, each.faces) for each in (without, state)
     )
     assert np.median(after) < 0.02
     assert np.median(before) > 3.0

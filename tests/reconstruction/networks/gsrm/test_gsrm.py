@@ -14,7 +14,7 @@ from shapes import make_sheet, make_trench, sample_mesh
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, State, train
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
-from reconstruction._src.surfaces.quality import Topology, count_topology, find_distances
+from reconstruction._src.surfaces.quality import Topology, compute_distances, count_topology
 
 keep_compiled_programs()
 ROOT = Path(__file__).parents[4]
@@ -38,7 +38,7 @@ def test_a_sheet_has_one_rim(seed: int) -> None:
     state, topology = _grow(points, seed=seed)
     assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
     assert 290 <= len(state.units) <= 300
-    assert find_distances(points, state.units, state.faces).mean() < 0.004
+    assert compute_distances(points, state.units, state.faces).mean() < 0.004
 
 
 @SEEDS
@@ -47,7 +47,7 @@ def test_sharp_edges_and_vertical_walls(seed: int) -> None:
     state, topology = _grow(points, 800, seed)
     assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
     clean = make_trench(noise=0.0)
-    assert find_distances(clean, state.units, state.faces).mean() < 0.0015
+    assert compute_distances(clean, state.units, state.faces).mean() < 0.0015
 
 
 @pytest.mark.parametrize(("mesh", "euler_number"), [(SPHERE, 2), (TORUS, 0)])
@@ -69,9 +69,9 @@ def test_outliers_and_duplicates() -> None:
     low, high = clean.min(axis=0) - 0.5, clean.max(axis=0) + 0.5
     outliers = rng.uniform(low, high, size=(600, 3))
     state, topology = _grow(np.concatenate([clean, clean[:3000], outliers]), 400)
-    assert find_distances(clean, state.units, state.faces).mean() < 0.005
+    assert compute_distances(clean, state.units, state.faces).mean() < 0.005
     assert topology.components <= 2
-    is_off = find_distances(state.units, *_mesh_of(make_sheet(20000, 0.0))) > 0.05
+    is_off = compute_distances(state.units, *_mesh_of(make_sheet(20000, 0.0))) > 0.05
     assert is_off.mean() < 0.02
 
 
@@ -86,7 +86,7 @@ def test_uneven_density() -> None:
     uneven = points[rng.random(len(points)) < np.clip(np.exp(-2 * (points[:, 0] + 1)), 0.04, 1)]
     state, topology = _grow(uneven, 400)
     assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
-    assert find_distances(make_sheet(noise=0.0), state.units, state.faces).mean() < 0.006
+    assert compute_distances(make_sheet(noise=0.0), state.units, state.faces).mean() < 0.006
 
 
 @pytest.mark.parametrize("units", [200, 800, pytest.param(2200, marks=pytest.mark.slow)])
@@ -118,7 +118,7 @@ def test_scale_is_free(scale: float) -> None:
     once = train(points, GSRMConfig(units=150), 0)
     scaled = train(points * scale + 1000 * scale, GSRMConfig(units=150), 0)
     assert abs(len(scaled.units) - len(once.units)) <= 2
-    distance = find_distances(scaled.units / scale - 1000, once.units, once.faces)
+    distance = compute_distances(scaled.units / scale - 1000, once.units, once.faces)
     assert distance.mean() < 0.003
 
 
@@ -190,4 +190,4 @@ def test_bunny(shared_data: Path) -> None:
     state, topology = _grow(np.asarray(bunny.vertices), 2200)
     assert topology.components == 1
     assert topology.euler_number == 2 - topology.boundary_loops
-    assert find_distances(np.asarray(bunny.vertices), state.units, state.faces).mean() < 0.0003
+    assert compute_distances(np.asarray(bunny.vertices), state.units, state.faces).mean() < 0.0003

@@ -9,11 +9,11 @@ from reconstruction._src.networks.gsrm.paper import PaperMap, Rates, join_winner
 from reconstruction._src.networks.gsrm.paper_patching import (
     PaperMesh,
     close_surface,
+    compute_dihedral,
     drop_incorrect_faces,
-    find_dihedral,
     merge_edges,
 )
-from reconstruction._src.surfaces.quality import count_topology, find_distances
+from reconstruction._src.surfaces.quality import compute_distances, count_topology
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 
@@ -88,7 +88,7 @@ def test_edges_that_are_not_confirmed_go() -> None:
 
 
 def test_patching_rules() -> None:
-    assert np.isclose(find_dihedral(SQUARE, 0, 2, 1, 3), np.pi)
+    assert np.isclose(compute_dihedral(SQUARE, 0, 2, 1, 3), np.pi)
     folded = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, 1, 0.2]])
     mesh = _make_mesh(4, [(0, 1), (1, 2), (2, 0), (1, 3), (3, 0)], [(0, 1, 2), (0, 1, 3)])
     drop_incorrect_faces(mesh, folded)
@@ -109,7 +109,7 @@ def test_the_rules_cover_a_sheet_and_a_sphere() -> None:
     topology = count_topology(state.faces, len(state.units))
     assert topology.non_manifold_edges == 0
     assert 170 < topology.num_faces < 230
-    assert find_distances(sheet, state.units, state.faces).mean() < 0.02
+    assert compute_distances(sheet, state.units, state.faces).mean() < 0.02
     ball = sample_mesh(trimesh.creation.icosphere(3), 4000, 0.005)
     state = train(ball, GSRMConfig(units=100, mode="paper"), 0)
     assert count_topology(state.faces, len(state.units)).boundary_edges < 30

@@ -17,7 +17,7 @@ from reconstruction._src.geometry.manifold import (
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction._src.networks.gsrm.support import Support
 from reconstruction._src.networks.gsrm.topology import (
-    find_circumcenters,
+    compute_circumcenters,
     find_cliques,
     find_empty,
     find_triples,
@@ -71,10 +71,10 @@ def test_empty_balls_choose_the_diagonal() -> None:
 
 
 def test_circumcenter_of_a_right_angle() -> None:
-    centers, squared = find_circumcenters(np.array([[[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]]))
+    centers, squared = compute_circumcenters(np.array([[[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]]))
     np.testing.assert_allclose(centers, [[1, 1, 0]])
     np.testing.assert_allclose(squared, [2])
-    assert np.isinf(find_circumcenters(np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]]))[1]).all()
+    assert np.isinf(compute_circumcenters(np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]]))[1]).all()
 
 
 def test_a_third_face_at_an_edge_goes() -> None:

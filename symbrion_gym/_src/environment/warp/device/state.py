@@ -49,7 +49,7 @@ class DeviceGround:
         def look(slot: jax.Array, highest: jax.Array) -> jax.Array:
             number = first + slot
             entry = table[triangles[jnp.minimum(number, len(self._triangles) - 1)]]
-            height = _find_height_in(entry, x, y)
+            height = _compute_height_in(entry, x, y)
             is_seen = (number < last) & (height <= z) if self._has_storeys else number < last
             return jnp.maximum(highest, jnp.where(is_seen, height, -jnp.inf))
 
@@ -62,7 +62,7 @@ class DeviceGround:
         return jnp.clip(number, 0, count - 1).astype(jnp.int32)
 
 
-def _find_height_in(
+def _compute_height_in(
     entry: Float[jax.Array, "P 10"], x: Float[jax.Array, " P"], y: Float[jax.Array, " P"]
 ) -> Float[jax.Array, " P"]:
     """Return the height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
@@ -218,9 +218,9 @@ class DeviceState:
         """Remember the bodies that are farther ahead of their tracks than a fall explains."""
         height = self.position[:, :, 2]
         hang = height.max(axis=1) - height.mean(axis=1)
-        self.was_ahead |= self.way > self.find_pace() + self.criteria.fall_lead * hang
+        self.was_ahead |= self.way > self.compute_pace() + self.criteria.fall_lead * hang
 
-    def find_pace(self) -> Float[jax.Array, " N"]:
+    def compute_pace(self) -> Float[jax.Array, " N"]:
         """Return how far each body can have come by its tracks, with the slack that the criteria leave [m]."""
         return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
 
@@ -267,13 +267,13 @@ class DeviceState:
         del height
         return jnp.ones(rows.shape, dtype=bool)
 
-    def find_height(self, rows: Int[jax.Array, " M"]) -> Float[jax.Array, "M n"]:
+    def compute_height(self, rows: Int[jax.Array, " M"]) -> Float[jax.Array, "M n"]:
         """Return the height of the modules above the ground in some simulations [m]; NaN where there is none."""
         places = self.position[rows]
         x, y, z = places.reshape(-1, 3).T
         return (z - self._course.ground.find_ground(x, y, z)).reshape(places.shape[:2])
 
-    def find_mean_along(self) -> Float[jax.Array, " N"]:
+    def compute_mean_along(self) -> Float[jax.Array, " N"]:
         """Return the mean position of the modules along the way [m]."""
         return self.along.mean(axis=1)
 
@@ -285,7 +285,7 @@ class DeviceState:
     @property
     def height(self) -> Float[jax.Array, "N n"]:
         """Height of each module's center above the ground [m]; NaN where there is none."""
-        return self.find_height(jnp.arange(self.num))
+        return self.compute_height(jnp.arange(self.num))
 
     @property
     def middle(self) -> Float[jax.Array, "N 3"]:

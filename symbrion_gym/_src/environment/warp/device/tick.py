@@ -74,7 +74,7 @@ class DeviceObserver:
             return _find_goal(state)
         if name == "goal_direction":
             assert self._reckoning is not None
-            return self._reckoning.find_direction(episode.believed, episode.headed)
+            return self._reckoning.compute_direction(episode.believed, episode.headed)
         simple: dict[str, Any] = {
             "hinge_angle": lambda: physics.qpos[:, self._world.hinge_qpos],
             "hinge_rate": lambda: physics.qvel[:, self._world.hinge_dof],
@@ -140,7 +140,7 @@ class Reckoning:
         away = jnp.hypot(x + c * ahead - s * left, y + s * ahead + c * left)
         return headed + (away <= jnp.asarray(self._radii)[headed])
 
-    def find_direction(
+    def compute_direction(
         self, pose: Float[jax.Array, "N 3"], headed: Int[jax.Array, " N"]
     ) -> Float[jax.Array, "N 2"]:
         """Return bearing [rad] and distance [m] of the place that is headed for."""
@@ -190,7 +190,7 @@ class DeviceTick:
     def __init__(self, world: World, episodes: Episodes, num: int, max_ticks: int | None) -> None:
         task, config = world.task, world.config
         self._world, self._task, self._max_ticks = world, task, max_ticks
-        criteria = task.find_criteria(world.organism)
+        criteria = task.compute_criteria(world.organism)
         self.course = Course(world.scene, task.goal, DeviceGround(world.scene), num, config.dt, criteria)
         self._num_tracks, self._hinges = episodes.num_tracks, world.num_hinges
         self._is_skid = config.track_control == "skid"
@@ -199,8 +199,8 @@ class DeviceTick:
         self._last_tick = round(task.duration / config.dt)
         self._turn = np.float32(world.organism.scout.hinge_speed * config.dt)
 
-    def find_track_speed(self, episode: Episode) -> Float[jax.Array, "N tracks"]:
-        """Return commanded track speeds [m/s]; see `Commands.find_track_speed`."""
+    def compute_track_speed(self, episode: Episode) -> Float[jax.Array, "N tracks"]:
+        """Return commanded track speeds [m/s]; see `Commands.compute_track_speed`."""
         speed = episode.track_speed[:, None]
         return speed * episode.action[:, -self._num_tracks :] if self._num_tracks else speed
 
@@ -214,7 +214,7 @@ class DeviceTick:
         episode = episode._replace(action=action, target=target)
         control = jnp.zeros((len(action), world.model.nu), dtype=action.dtype)
         control = control.at[:, world.hinge_servos].set(target)
-        rate = self._spread(self.find_track_speed(episode)) / world.wheel_radius
+        rate = self._spread(self.compute_track_speed(episode)) / world.wheel_radius
         if len(world.wheel_servos):
             return episode, Orders(control.at[:, world.wheel_servos].set(rate), None)
         return episode, Orders(control, rate if self._num_tracks else None)
@@ -246,7 +246,7 @@ class DeviceTick:
         head = jnp.where(state.is_sound, state.along[:, 0], state.start_mean)
         numbers = [head, state.progress - state.start_progress, state.time, *gained]
         numbers += [state.lowest, state.least_up]
-        episode = self._observer.integrate(episode, physics, self.find_track_speed(episode))
+        episode = self._observer.integrate(episode, physics, self.compute_track_speed(episode))
         episode = episode._replace(
             progress=state.progress,
             tick=state.tick,
