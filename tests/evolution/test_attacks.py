@@ -103,17 +103,20 @@ def folder(tmp_path, mark):
     return path
 
 
-def use_everywhere(folder):
-    """Do with a run all that reads it, and yield the error of each."""
+def use_everywhere(folder, has_champion=True):
+    """Do with a run all that reads its configuration, and its champion if wanted, and yield the error of each."""
     structure = {"hinge_angle": slice(0, 7)}
-    for use in (
+    of_run = (
         lambda: ev.resume(folder, generations=2, simulate=toys.bowl),
+        lambda: run_command(["resume", str(folder), "--generations", "2", "--quiet"]),
+    )
+    of_champion = (
         lambda: ev.judge(ev.load_champion(folder), "truth", 1),
         lambda: ev.play(ev.load_champion(folder), "truth"),
         lambda: ChampionPolicy(folder, structure),
-        lambda: run_command(["resume", str(folder), "--generations", "2", "--quiet"]),
         lambda: run_command(["replay", str(folder), "--trials", "1", "--quiet"]),
-    ):
+    )
+    for use in (*of_run, *(of_champion if has_champion else ())):
         try:
             yield use()
         except (RunError, TaskError) as error:
@@ -168,7 +171,7 @@ def test_no_name_or_version_of_a_task_is_imported(folder, mark):
 )  # fmt: skip
 def test_other_fields_run_nothing(changes, folder, mark):
     alter(folder, **point_at(changes, mark))
-    first, *_ = use_everywhere(folder)
+    first, *_ = use_everywhere(folder, has_champion="controller" in changes)
     assert isinstance(first, RunError)
     assert not mark.exists()
 
