@@ -5,15 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges, group_sides, make_manifold
 from reconstruction._src.geometry.rows import (
-    all_rows,
     any_corner,
     compute_lengths,
     cross_rows,
-    find_near_box,
     sum_rows,
 )
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
@@ -37,9 +34,6 @@ a closing slit."""
 _SHARP_ANGLE = np.deg2rad(75)
 """Where the normals at an edge differ by more, its faces may intersect others without any fold [rad]: lips
 over a narrow groove."""
-_PART_RINGS = 6
-"""Where only a part may move, this many rings around the tangled faces take part; fewer are faster and leave
-less room."""
 
 
 def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
@@ -66,20 +60,12 @@ class Tangles(NamedTuple):
     is_searched: Bool[np.ndarray, " F"]
     pairs: Int[np.ndarray, "P 2"]
 
-    def select(self, rows: Int[np.ndarray, " G"]) -> "Tangles":
-        """Return what is known of some of the faces; pairs with others are left out."""
-        place = np.full(len(self.is_tangled), -1)
-        place[rows] = np.arange(len(rows))
-        pairs = place[self.pairs]
-        return Tangles(self.is_tangled[rows], self.is_searched[rows], pairs[all_rows(pairs >= 0)])
-
 
 def find_tangled(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     hinges: Hinges,
     is_suspect: Bool[np.ndarray, " F"],
-    sharp_angle: float = _SHARP_ANGLE,
     is_tested: Bool[np.ndarray, " F"] | None = None,
     before: tuple[Tangles, Bool[np.ndarray, " F"]] | None = None,
 ) -> Tangles:
@@ -88,7 +74,7 @@ def find_tangled(
     cosine = measure_bends(vertices, faces, hinges)
     is_tangled[hinges.faces[cosine < np.cos(FOLD_ANGLE)]] = True
     is_suspect = is_suspect | is_tangled
-    is_suspect[hinges.faces[cosine < np.cos(sharp_angle)]] = True
+    is_suspect[hinges.faces[cosine < np.cos(_SHARP_ANGLE)]] = True
     if is_tested is not None:
         is_suspect &= is_tested
     pairs, is_open = np.empty((0, 2), dtype=np.int64), is_suspect
@@ -102,73 +88,6 @@ def find_tangled(
     if is_tested is not None:
         is_tangled &= is_tested
     return Tangles(is_tangled, is_suspect, pairs)
-
-
-def unfold_part(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_movable: Bool[np.ndarray, " V"],
-) -> Float[np.ndarray, "V 3"]:
-    """Do what `unfold_faces` does where only a part may move: the cost is that of the part."""
-    part = _cut_out(vertices, faces, is_movable)
-    if part is None:
-        return vertices
-    used, faces, _ = part
-    is_movable, moved = is_movable[used], vertices[used]
-    found: Tangles | None = _find_first(moved, faces, any_corner(is_movable, faces))
-    is_tangled = found.is_tangled
-    if not is_tangled.any():
-        return vertices
-    for stage in _STAGES:
-        is_about = is_movable & _widen(is_tangled, faces, len(used), _PART_RINGS)
-        part = _cut_out(moved, faces, is_about) if is_tangled.any() else None
-        if part is None:
-            break
-        inner, part_faces, rows = part
-        found = None if found is None else found.select(rows)
-        moved[inner], is_tangled[rows] = _unfold(moved[inner], part_faces, is_about[inner], found, (stage,))
-        found = None
-    mended = vertices.copy()
-    mended[used] = moved
-    return mended
-
-
-def _cut_out(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_movable: Bool[np.ndarray, " V"]
-) -> tuple[Int[np.ndarray, " U"], Int[np.ndarray, "G 3"], Int[np.ndarray, " G"]] | None:
-    """Return the vertices of the faces that movable ones may meet, these faces, their rows; None where nothing moves.
-
-    Faces farther away than the longest side of the movable ones cannot meet these while they move between their
-    neighbors.
-    """
-    own = faces[any_corner(is_movable, faces)]
-    if len(own) == 0:
-        return None
-    longest = max(
-        float(compute_lengths(vertices[own[:, k]] - vertices[own[:, k - 1]]).max()) for k in range(3)
-    )
-    is_own = np.zeros(len(vertices), dtype=bool)
-    is_own[own] = True
-    near = find_near_box(vertices, vertices[is_own], longest)
-    near = near[~is_own[near]]
-    distance, _ = cKDTree(vertices[is_own]).query(vertices[near], distance_upper_bound=longest)
-    is_own[near[np.isfinite(distance)]] = True
-    rows = np.flatnonzero(any_corner(is_own, faces))
-    used, flat = np.unique(faces[rows], return_inverse=True)
-    return used, flat.reshape(-1, 3), rows
-
-
-def _find_first(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_tested: Bool[np.ndarray, " F"],
-) -> Tangles:
-    """Return which of some faces are tangled, before anything has moved."""
-    sides = group_sides(faces, len(vertices))
-    hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
-    is_boundary_edge = sides.counts == 1
-    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], _BOUNDARY_ANGLE)
-    return find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), _SHARP_ANGLE, is_tested)
 
 
 def unfold_faces(
@@ -206,24 +125,19 @@ def _unfold(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     is_movable: Bool[np.ndarray, " V"] | None = None,
-    found: Tangles | None = None,
-    stages: tuple[tuple[int, bool], ...] = _STAGES,
 ) -> tuple[Float[np.ndarray, "V 3"], Bool[np.ndarray, " F"]]:
-    """Do what `unfold_faces` does, from what is found already; return the faces that are still tangled, too."""
+    """Do what `unfold_faces` does; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
-    if found is None:
-        is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], _BOUNDARY_ANGLE)
-        is_suspect = any_corner(is_turn, faces)
-        found = find_tangled(vertices, faces, hinges, is_suspect, _SHARP_ANGLE, is_tested)
-    best = found
+    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge])
+    best = find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), is_tested)
     if not best.is_tangled.any():
         return vertices, best.is_tangled
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
     is_fixed = np.zeros(len(vertices), dtype=bool) if is_movable is None else ~is_movable
-    for rings, moves_boundary in stages:
+    for rings, moves_boundary in _STAGES:
         current, tangles, left = vertices, best, _ROUNDS
         while left > 0 and best.is_tangled.any():
             is_moved = _widen(tangles.is_tangled, faces, len(vertices), rings)
@@ -239,7 +153,6 @@ def _unfold(
                 faces,
                 hinges,
                 tangles.is_tangled | has_moved,
-                _SHARP_ANGLE,
                 is_tested,
                 (tangles, has_moved),
             )
@@ -264,15 +177,14 @@ def _find_turns(
     vertices: Float[np.ndarray, "V 3"],
     tail: Int[np.ndarray, " B"],
     head: Int[np.ndarray, " B"],
-    boundary_angle: float,
 ) -> Bool[np.ndarray, " V"]:
-    """Return at which vertices the boundary, edges from tail to head, turns by more than an angle [rad]."""
+    """Return at which vertices the boundary, edges from tail to head, turns by more than `_BOUNDARY_ANGLE`."""
     along = vertices[head] - vertices[tail]
     along /= np.maximum(compute_lengths(along)[:, None], _SHORTEST)
     arriving, leaving = np.zeros((2, len(vertices), 3))
     arriving[head], leaving[tail] = along, along
     is_turn = np.zeros(len(vertices), dtype=bool)
-    is_turn[tail] = sum_rows(arriving[tail] * leaving[tail]) < np.cos(boundary_angle)
+    is_turn[tail] = sum_rows(arriving[tail] * leaving[tail]) < np.cos(_BOUNDARY_ANGLE)
     return is_turn
 
 

@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.rows import compute_lengths, cross_rows, sum_rows
-from reconstruction._src.surfaces.unfolding import unfold_faces, unfold_part
+from reconstruction._src.surfaces.unfolding import unfold_faces
 
 MAX_UNFOLDINGS = 6
 """Passes that take folds out; few folds need more than two, and the rest is taken out as triangles."""
@@ -65,10 +65,7 @@ def untangle_sheet(
     """Return the units, moved where the triangles of the sheet are folded or intersect."""
     for _ in range(MAX_SPLITS):
         vertices, faces = units.reshape(-1, 3), triangulate(units, has_face)
-        if is_movable is None:
-            moved = unfold_faces(vertices, faces)
-        else:
-            moved = unfold_part(vertices, faces, is_movable.reshape(-1))
+        moved = unfold_faces(vertices, faces, None if is_movable is None else is_movable.reshape(-1))
         if moved is vertices:
             break
         units = moved.reshape(units.shape)
