@@ -1,10 +1,8 @@
-"""What a search over a scan warns of, and how an interrupted one goes on."""
+"""What a search over a scan warns of: a way that leaves drivable ground."""
 
 from __future__ import annotations
 
 import logging
-import shlex
-from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import evolution as ev
@@ -22,13 +20,6 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.route import StartName
 
 logger = logging.getLogger(__name__)
-
-
-def describe_interruption(folder: Path) -> str:
-    """Return how an interrupted run goes on; empty where it has not begun."""
-    if not (folder / "config.json").is_file():
-        return ""
-    return f"all but what was unfinished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
 
 
 TASK = "traverse"

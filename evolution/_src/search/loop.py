@@ -23,7 +23,7 @@ from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import Job, Trials, prepare_arena
 from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
-from evolution._src.search.config import RUNTIME_FIELDS, EvolutionConfig
+from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.record import HISTORY, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution._src.search.restarting_search import RestartingSearch
 from evolution._src.search.run import Run, RunFolder, find_champion, is_solved
@@ -89,7 +89,7 @@ def resume(
     Raises:
         RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
     """
-    allowed = set(RUNTIME_FIELDS) - {"folder"}
+    allowed = set(EvolutionConfig.RUNTIME) - {"folder"}
     if not set(changes) <= allowed:
         raise RunError(f"{sorted(set(changes) - allowed)} cannot change in a run; {sorted(allowed)} can")
     run_folder = RunFolder(folder)

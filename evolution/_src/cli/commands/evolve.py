@@ -28,7 +28,7 @@ from evolution._src.cli.commands.evolve_bodies import (
     run_bodies,
 )
 from evolution._src.cli.console import Console
-from evolution._src.cli.way_warning import describe_interruption, warn_of_way
+from evolution._src.cli.way_warning import warn_of_way
 from evolution._src.search.bodies.config import ALGORITHMS, BodiesConfig
 from evolution._src.search.bodies.run import has_bodies
 from reconstruction._src.base.range_checks import format_count
@@ -175,6 +175,13 @@ class Evolve(SeededCommand):
         with console.track(f"Evolution, {format_count(config.modules, 'module')}") as step:
             run = ev.evolve(config, progress=step.progress)
         return report_run(run, console)
+
+
+def describe_interruption(folder: Path) -> str:
+    """Return how an interrupted run goes on; empty where it has not begun."""
+    if not (folder / "config.json").is_file():
+        return ""
+    return f"all but what was unfinished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
 
 
 def read_environment(pairs: tuple[tuple[str, str], ...]) -> dict[str, Any]:

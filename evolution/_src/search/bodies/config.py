@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from evolution._src.backends.cluster import EXACT_BACKENDS
-from evolution._src.backends.scoring import Scoring, find_scoring
+from evolution._src.backends.scoring import Scoring
 from evolution._src.backends.settings import TrialConfig, take_fields
 from evolution._src.backends.trials import Trials
 from evolution._src.controllers.finding import refer_to_controller
@@ -18,26 +17,16 @@ from evolution._src.references import (
     MAX_GENERATIONS,
     MAX_GENOTYPES,
     MAX_MODULES,
-    MAX_SEED,
-    MAX_WORKERS,
 )
 from evolution._src.search.bodies.genome import BodyGenome, make_row
 from evolution._src.search.bodies.learning import LearningConfig
 from evolution._src.search.bodies.variation import BodyLimits
-from evolution._src.search.stored_config import (
-    check_text_fields,
-    compute_digest,
-    read_content,
-    restore,
-    to_json,
-)
+from evolution._src.search.run_config import RunConfig
 from reconstruction._src.base.range_checks import check_choice, coerce_integers
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 ALGORITHMS = ("surrogate", "random", "exhaustive")
-RUNTIME_FIELDS = ("iterations", "workers", "backend", "address", "folder")
-"""Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
 
 
 @dataclass(frozen=True)
@@ -87,48 +76,37 @@ class BodiesConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyEvolutionConfig(TrialConfig):
+class BodyEvolutionConfig(RunConfig):
     """A search for bodies, each of which learns its controller. The run folder stores every field.
 
     What is no field is an option of the environment, such as `pit` or `track_control`.
 
     Attributes:
-        seed: seed of all random numbers of the run.
         scoring: how an outcome becomes a fitness; by default without a penalty for modules.
         bodies: which bodies are searched, and how.
         learning: how much a body may learn.
         iterations: largest number of iterations of the algorithm.
-        workers: number of threads, processes or actors.
-        backend: "batch" (threads), "processes" or "ray"; the results are equal.
-        address: address of an existing Ray cluster; None starts a local one.
-        folder: run folder; None keeps the run in memory only.
 
     Raises:
         RunError: a value is out of range, or fields do not fit together; with the value and what is allowed.
     """
 
+    RUNTIME: ClassVar[tuple[str, ...]] = (*RunConfig.RUNTIME, "iterations")
+    POSSIBLE_BACKENDS: ClassVar[tuple[str, ...]] = EXACT_BACKENDS
+
     controller: Any = "oscillators"
-    seed: int = 0
     scoring: Any = field(default_factory=partial(Scoring, module=0.0))
     bodies: BodiesConfig = field(default_factory=BodiesConfig)
     learning: LearningConfig = field(default_factory=LearningConfig)
     iterations: int = 20
-    workers: int = 1
-    backend: str = "batch"
-    address: str | None = None
-    folder: str | None = None
 
     def __post_init__(self) -> None:
         for name in set(dict(self.environment)) & {"modules", "organism"}:
             raise RunError(
                 f"{name} is given, and bodies are searched; leave it out, or use `EvolutionConfig`"
             )
-        check_text_fields(self)
         super().__post_init__()
-        self._set("scoring", find_scoring(self.scoring))
-        counts = {"seed": (0, MAX_SEED), "iterations": (0, MAX_GENERATIONS), "workers": (1, MAX_WORKERS)}
-        coerce_integers(self, counts, RunError)
-        check_choice("backend", self.backend, EXACT_BACKENDS, RunError)
+        coerce_integers(self, {"iterations": (0, MAX_GENERATIONS)}, RunError)
         organism = self.make_organism(self.make_shortest())
         tracks = count_tracks(self.track_control, organism.num_modules)
         if not (organism.hinges or tracks):
@@ -136,8 +114,9 @@ class BodyEvolutionConfig(TrialConfig):
                 "bodies of 1 module have no hinge; begin at smallest=2, or drive the tracks, for example by "
                 "track_control='skid'"
             )
-        must_be_found = self.folder is not None or self.backend != "batch"
-        controller = refer_to_controller(self.controller, organism, tracks, must_be_found=must_be_found)
+        controller = refer_to_controller(
+            self.controller, organism, tracks, must_be_found=self.must_be_restorable
+        )
         self._set("controller", controller)
 
     def make_shortest(self) -> BodyGenome:
@@ -156,32 +135,3 @@ class BodyEvolutionConfig(TrialConfig):
             count=count,
             seed=(self.seed, *seed),
         )
-
-    def digest(self) -> str:
-        """Return a fingerprint of all that decides the results of a run."""
-        return compute_digest(self, RUNTIME_FIELDS)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain JSON content.
-
-        Raises:
-            RunError: a part is an object of a user that nothing would restore.
-        """
-        return to_json(self)
-
-    @classmethod
-    def from_json(cls, content: object) -> BodyEvolutionConfig:
-        """Return the configuration described by `to_json`; this imports nothing.
-
-        Raises:
-            RunError: a field is unknown or its value of the wrong kind.
-        """
-        return cls(**read_content(content, cls, "config"))
-
-    def restore(self, allow: Collection[str] = ()) -> BodyEvolutionConfig:
-        """Return the configuration with what a user wrote imported again.
-
-        Raises:
-            RunError: it is not there, or of another version.
-        """
-        return restore(self, allow)

@@ -20,7 +20,7 @@ from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import prepare_arena
 from evolution._src.errors import RunError
 from evolution._src.search.bodies.algorithms import make_algorithm
-from evolution._src.search.bodies.config import RUNTIME_FIELDS, BodyEvolutionConfig
+from evolution._src.search.bodies.config import BodyEvolutionConfig
 from evolution._src.search.bodies.learner import Learner, OnTried, Tried
 from evolution._src.search.bodies.learning import LevelResult
 from evolution._src.search.bodies.record import BodyRecord
@@ -94,7 +94,7 @@ def resume_bodies(
     Raises:
         RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
     """
-    allowed = set(RUNTIME_FIELDS) - {"folder"}
+    allowed = set(BodyEvolutionConfig.RUNTIME) - {"folder"}
     if not set(changes) <= allowed:
         raise RunError(f"{sorted(set(changes) - allowed)} cannot change in a run; {sorted(allowed)} can")
     read_folder(Path(folder))  # says what is wrong before the lock makes a folder

@@ -163,9 +163,10 @@ def write_run(folder: Path, run: BodyRun) -> None:
 
 
 def write_champion(run: BodyRun) -> None:
-    """Write the champion into the folder of a run, if it has a folder and a champion."""
+    """Write the champion, then how it was confirmed, into the folder of a run, if it has a folder and a champion."""
     if run.folder is None or run.champion is None:
         return
+    _replace(run.folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
     if run.confirmation is not None:
         champion, result, seconds = run.confirmation
         content = {
@@ -177,7 +178,6 @@ def write_champion(run: BodyRun) -> None:
             "seconds": seconds,
         }
         _replace(run.folder / CONFIRMED, (json.dumps(content, indent=2) + "\n").encode())
-    _replace(run.folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
 
 
 def read_confirmation(run: BodyRun) -> Confirmation | None:

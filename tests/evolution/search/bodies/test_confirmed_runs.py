@@ -113,3 +113,21 @@ def test_a_damaged_confirmation_is_named(tmp_path, content):
     (tmp_path / "run" / CONFIRMED).write_text(content)
     with pytest.raises(RunError, match=r"confirmation.json is damaged.*remove it"):
         ev.load_bodies(tmp_path / "run")
+
+
+def test_a_kill_between_champion_and_confirmation_is_made_good(tmp_path, monkeypatch):
+    search(tmp_path / "whole")
+
+    def kill(path, content):
+        if path.name == CONFIRMED:
+            raise KeyboardInterrupt
+        path.write_bytes(content)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("evolution._src.search.bodies.run._replace", kill)
+        with pytest.raises(KeyboardInterrupt):
+            search(tmp_path / "cut")
+    run = ev.load_bodies(tmp_path / "cut")
+    assert run.confirmation is None
+    ev.confirm(run, COUNT, simulate=Physics())
+    assert read_files(tmp_path / "cut") == read_files(tmp_path / "whole")
