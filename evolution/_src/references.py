@@ -18,25 +18,19 @@ from evolution._src.errors import RunError
 from reconstruction._src.base.typed_json import JsonError, as_type
 from symbrion_gym._src.tasks.storage import is_allowed
 
-OWN_PACKAGES = ("evolution", "symbrion_gym", "reconstruction")
-"""Packages whose versions a run keeps anyway."""
+OWN_PACKAGES = ("evolution", "symbrion_gym", "reconstruction")  # Packages whose versions a run keeps anyway
 _VERSION_LENGTH = 16
 _ADVICE = "use a function, or a frozen dataclass whose fields are numbers, text and tuples of these"
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What a file says of a function, a class or an instance.
+    """What a file says of a function, a class or an instance."""
 
-    Attributes:
-        name: "module:name" of the function or class.
-        version: its attribute `version`, otherwise a digest of the source of its module; "" for those of this project.
-        fields: JSON text of the fields of an instance; None for the function or class itself.
-    """
-
-    name: str
+    name: str  # "module:name" of the function or class
+    # its attribute `version`, otherwise a digest of the source of its module; "" for those of this project
     version: str = ""
-    fields: str | None = None
+    fields: str | None = None  # JSON text of the fields of an instance; None for the function or class itself
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON content."""
@@ -208,15 +202,11 @@ def check_signature(function: Callable[..., Any], what: str, *names: str) -> Non
         ) from error
 
 
-MAX_SEED = 2**32 - 1
-"""What NumPy's `RandomState` takes."""
-MAX_MODULES = 50
-"""As in the environment."""
+MAX_SEED = 2**32 - 1  # What NumPy's `RandomState` takes
+MAX_MODULES = 50  # As in the environment
 MAX_GENERATIONS = 10**9
 MAX_GENOTYPES = 100_000
 MAX_TRIALS = 10_000
 MAX_WORKERS = 10_000
-MAX_MAGNITUDE = 1e9
-"""Far beyond any useful gene, fitness or weight."""
-MIN_POSITIVE = 1e-9
-"""Smallest value of what must be above 0: step sizes, shares."""
+MAX_MAGNITUDE = 1e9  # Far beyond any useful gene, fitness or weight
+MIN_POSITIVE = 1e-9  # Smallest value of what must be above 0: step sizes, shares

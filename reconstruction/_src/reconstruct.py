@@ -12,8 +12,7 @@ from reconstruction._src.reconstruction import Reconstruction
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.point_rows import check_number, check_seed
 
-DEFAULT_UNITS = 2200
-"""Of the paper's mode: that of its experiments."""
+DEFAULT_UNITS = 2200  # Of the paper's mode: that of its experiments
 
 
 def reconstruct(

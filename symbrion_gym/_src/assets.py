@@ -4,8 +4,7 @@ from pathlib import Path
 
 from symbrion_gym._src.errors import ArenaError
 
-SCANNED = ("gsrm", "gg")
-"""The arenas that were made of a scan of the default course, one by each network."""
+SCANNED = ("gsrm", "gg")  # The arenas that were made of a scan of the default course, one by each network
 NAMED_ARENAS = ("truth", "simple", "stairs", *SCANNED)
 
 

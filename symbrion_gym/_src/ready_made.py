@@ -15,24 +15,16 @@ from symbrion_gym._src.sensing.survey import survey
 
 
 class Recipe(NamedTuple):
-    """How a scanned arena is made.
+    """How a scanned arena is made."""
 
-    Attributes:
-        method: the network, "gsrm" or "gg".
-        units: its resolution.
-    """
-
-    method: str
-    units: int
+    method: str  # the network, "gsrm" or "gg"
+    units: int  # its resolution
 
 
 RECIPES = {"gsrm": Recipe("gsrm", 2200), "gg": Recipe("gg", 7000)}
-SPACING = 0.015
-"""One point in each cube of this edge [m]: the scanner sees places where it turns very often."""
-TIME_LIMIT = 3600.0
-"""Far more than the pieces need [s], so that a busy machine makes the same ones."""
-EXACT = ("truth", "simple")
-"""Arenas that need no scan."""
+SPACING = 0.015  # One point in each cube of this edge [m]: the scanner sees places where it turns very often
+TIME_LIMIT = 3600.0  # Far more than the pieces need [s], so that a busy machine makes the same ones
+EXACT = ("truth", "simple")  # Arenas that need no scan
 
 
 def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) -> dict[str, Arena]:

@@ -159,8 +159,7 @@ class RayBackend(WorkerPool[Handle]):
             self._ray.shutdown()
 
 
-_CONNECT_TIMEOUT = 10.0
-"""How long a cluster may take to answer [s]."""
+_CONNECT_TIMEOUT = 10.0  # How long a cluster may take to answer [s]
 
 
 def run_in_cluster(workers: int, address: str | None = None) -> RunJobs:
@@ -192,12 +191,10 @@ def run_in_cluster(workers: int, address: str | None = None) -> RunJobs:
     return run
 
 
-EXACT_BACKENDS = ("batch", "processes", "ray")
-"""Their results are bit-identical."""
+EXACT_BACKENDS = ("batch", "processes", "ray")  # Their results are bit-identical
 BACKENDS = (*EXACT_BACKENDS, "warp")
 """The last one is a GPU in single precision, whose results are equal in distribution only."""
-LOCAL_BACKENDS = ("batch", "warp")
-"""They run in this process."""
+LOCAL_BACKENDS = ("batch", "warp")  # They run in this process
 
 
 class Backend(Protocol):

@@ -17,8 +17,7 @@ short; more would leave the batch of a worker too small."""
 MAX_DEATHS = 2
 """A job that was alone on this many workers when they died is reported as failed. 2, because one death may
 have any reason."""
-EXIT_TIMEOUT = 5.0
-"""How long a worker process may take to end before it is killed [s]."""
+EXIT_TIMEOUT = 5.0  # How long a worker process may take to end before it is killed [s]
 CONNECT_TIMEOUT = 10.0
 """How long the head of a Ray cluster may take to answer [s]; Ray itself would try for minutes."""
 FIRST_START_TIMEOUT = 120.0
@@ -29,15 +28,10 @@ late."""
 
 
 class Reply(NamedTuple, Generic[Worker]):
-    """The reply of a worker.
+    """The reply of a worker."""
 
-    Attributes:
-        worker: worker that replies.
-        outcomes: one for each of its jobs; None if it died.
-    """
-
-    worker: Worker
-    outcomes: list[Outcome] | None
+    worker: Worker  # worker that replies
+    outcomes: list[Outcome] | None  # one for each of its jobs; None if it died
 
 
 class WorkerPool(ABC, Generic[Worker]):

@@ -18,8 +18,7 @@ from evolution._src.backends.simulation import Simulate, find_simulate, name_sim
 from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
 
-READY = "ready"
-"""First message of a worker."""
+READY = "ready"  # First message of a worker
 
 
 def share_pipe(handle: int) -> dict[str, Any]:

@@ -113,23 +113,14 @@ def run_on_device(
 
 
 class Trial(NamedTuple):
-    """One genotype under one set of conditions.
+    """One genotype under one set of conditions."""
 
-    Attributes:
-        job: index of the job it belongs to.
-        number: number of the trial in its job.
-        genotype: genotype of the controller.
-        stretch: factor on the length of the arena.
-        conditions: reset options.
-        seed: seed of the environment's own noise.
-    """
-
-    job: int
-    number: int
-    genotype: Float[np.ndarray, " G"]
-    stretch: float
-    conditions: dict[str, float]
-    seed: int
+    job: int  # index of the job it belongs to
+    number: int  # number of the trial in its job
+    genotype: Float[np.ndarray, " G"]  # genotype of the controller
+    stretch: float  # factor on the length of the arena
+    conditions: dict[str, float]  # reset options
+    seed: int  # seed of the environment's own noise
 
 
 class TrialResult(NamedTuple):
@@ -145,8 +136,7 @@ class TrialResult(NamedTuple):
 
 _environments: OrderedDict[Hashable, OrganismVectorEnv] = OrderedDict()
 """Vector environments of this process, the one used last at the end."""
-_separate: set[Hashable] = set()
-"""Arenas whose stretched versions do not fit into one vector environment."""
+_separate: set[Hashable] = set()  # Arenas whose stretched versions do not fit into one vector environment
 
 
 def simulate_on_device(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:

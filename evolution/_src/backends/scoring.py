@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
 ScoringFunction: TypeAlias = "Callable[[Outcome, Organism], float]"
-MAX_WEIGHT = 1e6
-"""Largest weight of a term of the fitness [m of progress]."""
+MAX_WEIGHT = 1e6  # Largest weight of a term of the fitness [m of progress]
 
 
 @dataclass(frozen=True)
@@ -107,19 +106,14 @@ RECORDERS: Mapping[str, Recorder] = {
     "trajectory": Trajectory(),
 }
 """Recorders by name."""
-Records: TypeAlias = dict[str, np.ndarray]
-"""What is kept of a trial: name -> numbers."""
+Records: TypeAlias = dict[str, np.ndarray]  # What is kept of a trial: name -> numbers
 
 
 @dataclass(frozen=True)
 class StoredDescriptors:
-    """What a file says of descriptors; nothing of them is imported yet.
+    """What a file says of descriptors; nothing of them is imported yet."""
 
-    Attributes:
-        text: JSON text.
-    """
-
-    text: str
+    text: str  # JSON text
 
     def restore(self, what: str, allow: Collection[str] = ()) -> tuple[Recorder, ...]:
         """Return the recorders; of the user's code only modules in `allow` are imported."""

@@ -29,17 +29,13 @@ from symbrion_gym._src.environment.config import RANDOM_LIMITS, STARTS, Environm
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Organism, snake
 
-ORIGINS = ("hint", "zero")
-"""Where a search may begin."""
-Point = tuple[float, ...]
-"""(x, y) or (x, y, z) [m]."""
-Options = tuple[tuple[str, Any], ...]
-"""Name and value of each option of the environment, sorted by name."""
+ORIGINS = ("hint", "zero")  # Where a search may begin
+Point = tuple[float, ...]  # (x, y) or (x, y, z) [m]
+Options = tuple[tuple[str, Any], ...]  # Name and value of each option of the environment, sorted by name
 _OWN_FIELDS = ("arena", "modules", "organism", "task", "start")
 """Options of the environment that are fields of a configuration."""
 _USUAL_MODULES = 8
-_MAX_STRETCHES = 100
-"""Each is a separate arena in memory."""
+_MAX_STRETCHES = 100  # Each is a separate arena in memory
 _STRETCH_LIMITS = (0.1, 10.0)
 CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw", "patch_friction")
 """Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""

@@ -13,13 +13,9 @@ from symbrion_gym._src.errors import TaskError
 
 @dataclass(frozen=True)
 class StoredTask:
-    """What a file says of a task; its terms are not imported yet.
+    """What a file says of a task; its terms are not imported yet."""
 
-    Attributes:
-        text: JSON text of `Task.as_dict`, and of the versions of what a user wrote in it.
-    """
-
-    text: str
+    text: str  # JSON text of `Task.as_dict`, and of the versions of what a user wrote in it
 
     def restore(self, allow: Collection[str] = ()) -> Any:
         """Return the task; of the user's code only modules in `allow` are imported."""

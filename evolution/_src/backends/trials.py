@@ -26,24 +26,17 @@ if TYPE_CHECKING:
 
     ArenaSource: TypeAlias = str | PathLike[str] | Arena
 
-MAX_ERROR_LENGTH = 200
-"""Characters of an error that a record keeps."""
+MAX_ERROR_LENGTH = 200  # Characters of an error that a record keeps
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trials(TrialConfig, BodyConfig):
-    """The trials of a genotype: an episode, a body, and how often it is tried.
+    """The trials of a genotype: an episode, a body, and how often it is tried."""
 
-    Attributes:
-        arena: name, folder, file or, on backend "batch", an `Arena`.
-        count: number of trials, each under other conditions.
-        seed: seed of the conditions; equal seeds mean equal conditions.
-    """
-
-    arena: ArenaSource = "truth"
+    arena: ArenaSource = "truth"  # name, folder, file or, on backend "batch", an `Arena`
     controller: Any = "reactive"
-    count: int = 2
-    seed: tuple[int, ...] = (0,)
+    count: int = 2  # number of trials, each under other conditions
+    seed: tuple[int, ...] = (0,)  # seed of the conditions; equal seeds mean equal conditions
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,8 +60,7 @@ def make_failure(trials: Trials, error: str) -> Outcome:
     return Outcome(FAILED_PROGRESS, 0.0, (False,) * trials.count, error=error[:MAX_ERROR_LENGTH])
 
 
-MAX_ARENAS = 4
-"""Arenas that a process keeps."""
+MAX_ARENAS = 4  # Arenas that a process keeps
 _arenas: OrderedDict[tuple[str, int], Arena] = OrderedDict()
 
 

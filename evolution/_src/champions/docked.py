@@ -39,8 +39,7 @@ class DockedChampion:
         RunError: the robots form another organism, or its controller reads what docked robots do not sense.
     """
 
-    dt = 0.02
-    """Time between two actions, as in the environment [s]."""
+    dt = 0.02  # Time between two actions, as in the environment [s]
 
     def __init__(self, champion: Champion, world: DynamicWorld, modules: Sequence[int], start: float) -> None:
         from symbrion_gym._src.swarm.docks import make_organism

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from evolution._src.backends.settings import Point
     from evolution._src.backends.trials import ArenaSource
 
-UNSTRETCHED = Randomization(stretch=(1.0,))
-"""Conditions of `judge`: the length of the arena is known."""
+UNSTRETCHED = Randomization(stretch=(1.0,))  # Conditions of `judge`: the length of the arena is known
 _JUDGE_SEED = 0x6A75
 """Second word of the seed of `judge`: a run draws the conditions of its own trials from other seeds."""
 

@@ -12,8 +12,7 @@ from typing import Any
 from evolution._src.cli.console import Console
 from symbrion_gym._src.assets import NAMED_ARENAS
 
-MISSED = 3
-"""Exit code where the work is done, but misses what was asked for, under `--strict`."""
+MISSED = 3  # Exit code where the work is done, but misses what was asked for, under `--strict`
 
 
 class UsageError(ValueError):

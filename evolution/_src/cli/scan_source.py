@@ -17,8 +17,7 @@ from reconstruction._src.scans.frames import FrameConfig
 Box = tuple[float, float, float, float, float, float]
 Position = tuple[float, float, float]
 
-PICTURES = (".png", ".tif", ".tiff")
-"""Depth images; .npy is one where intrinsics are given."""
+PICTURES = (".png", ".tif", ".tiff")  # Depth images; .npy is one where intrinsics are given
 ANY_SIZE = {"smallest": 1e-12, "largest": math.inf}
 """Sizes that the library is not to warn about: here they are refused."""
 

@@ -9,29 +9,23 @@ from evolution._src.errors import RunError
 from evolution._src.references import MAX_MAGNITUDE, MIN_POSITIVE
 from reconstruction._src.base.range_checks import as_range, coerce_floats, coerce_integers
 
-NUM_KNOTS = 12
-"""Knots of `travelling` and `path`: 10 cm apart, finer than a module is long."""
+NUM_KNOTS = 12  # Knots of `travelling` and `path`: 10 cm apart, finer than a module is long
 _MAX_TICKS, _MAX_HIDDEN = 10**9, 1000
-_MAX_RATE = 100.0
-"""Oscillators that change faster than the control ticks would be unstable [1/s]."""
+_MAX_RATE = 100.0  # Oscillators that change faster than the control ticks would be unstable [1/s]
 
 
 @dataclass(frozen=True)
 class OscillatorConfig:
-    """Parameters of `oscillators` that are not evolved.
+    """Parameters of `oscillators` that are not evolved."""
 
-    Attributes:
-        frequency: frequency at a gene of 0 [Hz]; genes change it by factors of 0.35 to 2.8. At 0.25 Hz a servo of
-            0.8 rad/s follows amplitudes up to 0.5 rad.
-        coupling: rate at which phases approach their lags [1/s]: faster than the oscillation, slower than a tick.
-        amplitude_rate: rate at which amplitudes approach theirs [1/s]; a body begins to move within a second.
-        dt: length of a control tick [s], as that of the environment.
-    """
-
+    # frequency at a gene of 0 [Hz]; genes change it by factors of 0.35 to 2.8. At 0.25 Hz a servo of 0.8
+    # rad/s follows amplitudes up to 0.5 rad.
     frequency: float = 0.25
+    # rate at which phases approach their lags [1/s]: faster than the oscillation, slower than a tick
     coupling: float = 4.0
+    # rate at which amplitudes approach theirs [1/s]; a body begins to move within a second
     amplitude_rate: float = 8.0
-    dt: float = 0.02
+    dt: float = 0.02  # length of a control tick [s], as that of the environment
 
     def __post_init__(self) -> None:
         names = ("frequency", "coupling", "amplitude_rate")

@@ -38,10 +38,8 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
-SENSORS = ("hinge_angle", "pitch", "contact")
-"""Sensors that every law reads."""
-HINGE_RANGE = ScoutConfig().hinge_range
-"""Largest angle of a hinge of the usual Scout to either side [rad]."""
+SENSORS = ("hinge_angle", "pitch", "contact")  # Sensors that every law reads
+HINGE_RANGE = ScoutConfig().hinge_range  # Largest angle of a hinge of the usual Scout to either side [rad]
 REACTIVE_HINT = (-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6)
 """Hint for a search for a reactive law: lift what is in the air in front, keep the head level.
 Set by hand, close to what earlier searches had found; a genotype close to it crossed in 14 of 32 trials."""
@@ -51,12 +49,9 @@ edge (paper, section III-A)."""
 
 
 class State(NamedTuple):
-    """The memory of controllers between ticks.
+    """The memory of controllers between ticks."""
 
-    Attributes:
-        ticks_since_contact: number of ticks since the last contact of each module; 0 while it touches something.
-    """
-
+    # number of ticks since the last contact of each module; 0 while it touches something
     ticks_since_contact: Int[Any, "P n"]
 
 
@@ -66,32 +61,20 @@ class LawController:
 
     The genes of the tracks, where these are part of the action, come before those of the law: so a body that is
     shorter than the genotype's reads its first genes.
-
-    Attributes:
-        name: name of the law.
-        joints: the hinges of the body.
-        drive: its tracks.
-        law_parameters: name of each gene of the law.
-        law: the function.
-        law_initial: genes of the law at which a search with a hint begins.
-        bound: largest absolute value of a gene.
-        law_sensors: the parts of an observation that the law reads.
-        hinge_range: largest angle of a hinge to either side [rad]; actions are relative to it.
-        config: parameters that are not evolved.
-        version: raised when the law acts differently than before.
     """
 
-    name: str
-    joints: Joints
-    drive: Drive
-    law_parameters: tuple[str, ...]
-    law: Law
-    law_initial: tuple[float, ...]
-    bound: float = ControllerConfig.gene_bound
-    law_sensors: tuple[str, ...] = SENSORS
+    name: str  # name of the law
+    joints: Joints  # the hinges of the body
+    drive: Drive  # its tracks
+    law_parameters: tuple[str, ...]  # name of each gene of the law
+    law: Law  # the function
+    law_initial: tuple[float, ...]  # genes of the law at which a search with a hint begins
+    bound: float = ControllerConfig.gene_bound  # largest absolute value of a gene
+    law_sensors: tuple[str, ...] = SENSORS  # the parts of an observation that the law reads
+    # largest angle of a hinge to either side [rad]; actions are relative to it
     hinge_range: float = HINGE_RANGE
-    config: ControllerConfig = field(default_factory=ControllerConfig)
-    version: str = "1"
+    config: ControllerConfig = field(default_factory=ControllerConfig)  # parameters that are not evolved
+    version: str = "1"  # raised when the law acts differently than before
 
     @property
     def modules(self) -> int:
@@ -170,8 +153,7 @@ class LawController:
         check_genotypes(self, genotypes)
 
 
-OwnController = LawController | OscillatorController
-"""A controller of this package."""
+OwnController = LawController | OscillatorController  # A controller of this package
 
 
 def make_law(
@@ -288,5 +270,4 @@ _MAKERS: dict[str, Callable[[Organism, ControllerConfig, dict[str, Any]], OwnCon
     "network": _make_network,
     "oscillators": _make_oscillators,
 }
-CONTROLLERS = tuple(_MAKERS)
-"""Names of the controllers."""
+CONTROLLERS = tuple(_MAKERS)  # Names of the controllers

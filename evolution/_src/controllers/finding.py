@@ -22,8 +22,7 @@ from reconstruction._src.base.range_checks import check_choice
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
-FIRST_VERSION = "1"
-"""Version of laws before they had one: records of these hold their name alone."""
+FIRST_VERSION = "1"  # Version of laws before they had one: records of these hold their name alone
 
 
 def find_controller(

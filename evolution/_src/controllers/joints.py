@@ -41,48 +41,34 @@ class Joints:
 
     A positive angle lifts what is ahead. "Inclination" is that of a module along the direction in which the hinge's
     own module looks: the pitch of a module that looks the same way, the roll of one that is docked sideways.
-
-    Attributes:
-        num_modules: number of modules.
-        num_twists: number of servos that rotate arms: as many as hinges, or none. Only `oscillators`
-            moves them.
-        own: module that each hinge belongs to.
-        ahead: module docked to its front.
-        ahead_column: column of the inclination of `ahead` in pitches, followed by rolls where `has_rolls`.
-        ahead_sign: factor on it.
-        has_rolls: whether a roll is needed.
-        ahead_part: modules on the side of `ahead`, which the hinge separates from the rest.
-        own_part: modules on the side of `own`.
-        is_head: whether the hinge joins module 0, the head, to another.
-        is_tail: whether it joins a module at an end of the tree, other than the head, to another.
-        depth: number of dockings from the head to the farther of its modules.
-        along: cosine of the angle between its own module and the head, in the straight body.
-        share: share of the bend between two modules that the hinge takes: a half where both fronts are docked.
-        side: 1 where its own module lies to the left of the head's middle line, -1 to the right, 0 on it.
-        dock: side of `ahead` that its own module is docked to.
-        parents: module that each module is docked to on its way to the head, -1 for the head.
-        order: modules other than the head, each after its parent.
-        steps: how far behind its parent each module lies along the head's direction, in units of a module's length.
     """
 
-    num_modules: int
+    num_modules: int  # number of modules
+    # number of servos that rotate arms: as many as hinges, or none. Only `oscillators` moves them.
     num_twists: int
-    own: Int[np.ndarray, " h"]
-    ahead: Int[np.ndarray, " h"]
+    own: Int[np.ndarray, " h"]  # module that each hinge belongs to
+    ahead: Int[np.ndarray, " h"]  # module docked to its front
+    # column of the inclination of `ahead` in pitches, followed by rolls where `has_rolls`
     ahead_column: Int[np.ndarray, " h"]
-    ahead_sign: Float[np.ndarray, " h"]
-    has_rolls: bool
+    ahead_sign: Float[np.ndarray, " h"]  # factor on it
+    has_rolls: bool  # whether a roll is needed
+    # modules on the side of `ahead`, which the hinge separates from the rest
     ahead_part: Bool[np.ndarray, "h n"]
-    own_part: Bool[np.ndarray, "h n"]
-    is_head: Bool[np.ndarray, " h"]
+    own_part: Bool[np.ndarray, "h n"]  # modules on the side of `own`
+    is_head: Bool[np.ndarray, " h"]  # whether the hinge joins module 0, the head, to another
+    # whether it joins a module at an end of the tree, other than the head, to another
     is_tail: Bool[np.ndarray, " h"]
-    depth: Int[np.ndarray, " h"]
+    depth: Int[np.ndarray, " h"]  # number of dockings from the head to the farther of its modules
+    # cosine of the angle between its own module and the head, in the straight body
     along: Float[np.ndarray, " h"]
+    # share of the bend between two modules that the hinge takes: a half where both fronts are docked
     share: Float[np.ndarray, " h"]
+    # 1 where its own module lies to the left of the head's middle line, -1 to the right, 0 on it
     side: Float[np.ndarray, " h"]
-    dock: tuple[str, ...]
-    parents: tuple[int, ...]
-    order: tuple[int, ...]
+    dock: tuple[str, ...]  # side of `ahead` that its own module is docked to
+    parents: tuple[int, ...]  # module that each module is docked to on its way to the head, -1 for the head
+    order: tuple[int, ...]  # modules other than the head, each after its parent
+    # how far behind its parent each module lies along the head's direction, in units of a module's length
     steps: Float[np.ndarray, " n"]
 
     def compute_inclination_ahead(
@@ -170,8 +156,7 @@ TRACK_OFFSET = 0.0458
 """Distance of a track from the middle line of its module [m] (the authors' simulator, danfis/sim)."""
 _SMALLEST_LEVER = 0.02
 """Tracks with shorter levers would move the body rather than turn it [m]; a module's own tracks have 0.0458."""
-_DRIVE_ROUNDING = 1e-9
-"""Cosines closer than this to a whole number are that number."""
+_DRIVE_ROUNDING = 1e-9  # Cosines closer than this to a whole number are that number
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,16 +165,11 @@ class Drive:
 
     A track at (x, y) from the middle of the body, of a module that looks along the angle a, runs at
     ``ahead * cos(a) + turn * (x * sin(a) - y * cos(a)) / longest lever`` of its full speed, in [-1, 1].
-
-    Attributes:
-        ahead: factor of each track on the speed ahead.
-        lever: factor on the rate of turn, 1 at the track with the longest lever.
-        bound: largest absolute value of a gene.
     """
 
-    ahead: Float[np.ndarray, " T"]
-    lever: Float[np.ndarray, " T"]
-    bound: float
+    ahead: Float[np.ndarray, " T"]  # factor of each track on the speed ahead
+    lever: Float[np.ndarray, " T"]  # factor on the rate of turn, 1 at the track with the longest lever
+    bound: float  # largest absolute value of a gene
 
     @property
     def can_turn(self) -> bool:

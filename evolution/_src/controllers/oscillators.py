@@ -47,12 +47,10 @@ COMMON_GENES = ("log2_frequency", "pitch_ahead", "pitch_behind", "contact_feedba
 """Genes of all hinges: frequency as a power of 2, gains on inclinations, and s [rad/s]."""
 SIDE_GENES = ("side_bias", "side_steering")
 """Genes of bodies with hinges on both sides: smaller strokes on the left, and a gain of that on the goal's bearing."""
-KIND_GENES = ("amplitude", "offset", "lag")
-"""Genes of each kind of docking [rad]."""
+KIND_GENES = ("amplitude", "offset", "lag")  # Genes of each kind of docking [rad]
 TWIST_GENES = ("twist_amplitude", "twist_offset", "twist_lag")
 """Likewise of the rotations of arms, where modules have them [rad]."""
-_ANGLES = ("lag_", "twist_lag_")
-"""Beginnings of the names of genes that are phases, which go all around."""
+_ANGLES = ("lag_", "twist_lag_")  # Beginnings of the names of genes that are phases, which go all around
 _HINTS = {
     "front": (0.3, 0.0, 0.0),
     "back": (0.3, 0.0, 1.0),
@@ -63,50 +61,31 @@ _HINTS = {
 
 
 class OscillatorState(NamedTuple):
-    """The memory of oscillators between ticks.
+    """The memory of oscillators between ticks."""
 
-    Attributes:
-        has_begun: whether a tick has passed; phases begin at their lags.
-        clock: phase at the head [rad].
-        phase: of each hinge [rad].
-        amplitude: of each hinge [rad].
-        amplitude_rate: its change [rad/s].
-    """
-
-    has_begun: Bool[Any, "P 1"]
-    clock: Float[Any, "P 1"]
-    phase: Float[Any, "P h"]
-    amplitude: Float[Any, "P h"]
-    amplitude_rate: Float[Any, "P h"]
+    has_begun: Bool[Any, "P 1"]  # whether a tick has passed; phases begin at their lags
+    clock: Float[Any, "P 1"]  # phase at the head [rad]
+    phase: Float[Any, "P h"]  # of each hinge [rad]
+    amplitude: Float[Any, "P h"]  # of each hinge [rad]
+    amplitude_rate: Float[Any, "P h"]  # its change [rad/s]
 
 
 @dataclass(frozen=True, eq=False)
 class OscillatorController:
-    """Coupled oscillators on a body: it follows `Controller`.
+    """Coupled oscillators on a body: it follows `Controller`."""
 
-    Attributes:
-        joints: the hinges of the body.
-        drive: its tracks.
-        kinds: kinds of dockings with a hinge: the sides to which the modules with these hinges are docked.
-        parent: next hinge of each hinge on the way to the head; itself where the clock is next.
-        hinge_range: largest angle of a hinge to either side [rad]; actions are relative to it.
-        bound: largest absolute value of a gene other than a lag.
-        config: parameters that are not evolved.
-        twist_range: largest angle of the rotation of an arm to either side [rad].
-        name: name of the controller.
-        version: raised when it acts differently than before.
-    """
-
-    joints: Joints
-    drive: Drive
+    joints: Joints  # the hinges of the body
+    drive: Drive  # its tracks
+    # kinds of dockings with a hinge: the sides to which the modules with these hinges are docked
     kinds: tuple[str, ...]
+    # next hinge of each hinge on the way to the head; itself where the clock is next
     parent: Int[np.ndarray, " h"]
-    hinge_range: float
-    bound: float
-    config: OscillatorConfig
-    twist_range: float = pi / 2
-    name: str = "oscillators"
-    version: str = "1"
+    hinge_range: float  # largest angle of a hinge to either side [rad]; actions are relative to it
+    bound: float  # largest absolute value of a gene other than a lag
+    config: OscillatorConfig  # parameters that are not evolved
+    twist_range: float = pi / 2  # largest angle of the rotation of an arm to either side [rad]
+    name: str = "oscillators"  # name of the controller
+    version: str = "1"  # raised when it acts differently than before
 
     @property
     def can_steer(self) -> bool:

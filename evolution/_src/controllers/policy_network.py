@@ -19,26 +19,17 @@ from evolution._src.controllers.joints import make_drive
 from evolution._src.controllers.protocol import Structure
 from symbrion_gym._src.robot.organism import Organism
 
-UNITS = (32, 32)
-"""Units of the hidden layers."""
-HOLD = 5
-"""Ticks for which a decision is held: 0.1 s, as in `examples/train_ppo.py`."""
-SENSORS = ("hinge_angle", "pitch", "contact")
-"""Parts of the observation that are the inputs, in this order."""
-LARGEST_WEIGHT = 1e3
-"""Bound of a gene; the scales of the inputs are part of the first weights."""
+UNITS = (32, 32)  # Units of the hidden layers
+HOLD = 5  # Ticks for which a decision is held: 0.1 s, as in `examples/train_ppo.py`
+SENSORS = ("hinge_angle", "pitch", "contact")  # Parts of the observation that are the inputs, in this order
+LARGEST_WEIGHT = 1e3  # Bound of a gene; the scales of the inputs are part of the first weights
 
 
 class HeldDecision(NamedTuple):
-    """The memory of the policy.
+    """The memory of the policy."""
 
-    Attributes:
-        age: ticks since the decision.
-        action: what it was.
-    """
-
-    age: Int[np.ndarray, " P"]
-    action: Float[np.ndarray, "P A"]
+    age: Int[np.ndarray, " P"]  # ticks since the decision
+    action: Float[np.ndarray, "P A"]  # what it was
 
 
 class PolicyNetwork:

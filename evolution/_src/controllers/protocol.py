@@ -16,8 +16,7 @@ from symbrion_gym._src.environment.config import SENSORS
 
 Structure = Mapping[str, slice]
 """Where each quantity lies in an observation, as in `OrganismEnv.observation_structure`."""
-MAX_NAMED_GENES = 12
-"""Genes that a message names."""
+MAX_NAMED_GENES = 12  # Genes that a message names
 
 
 class OutOfBoundsWarning(UserWarning):
@@ -154,20 +153,14 @@ _MEMBERS = ("name", "version", "sensors", "parameters", "lower", "upper", "initi
 class CheckedController:
     """A controller of a user: what it returns is checked, and its errors end the run instead of failing genotypes.
 
-    Attributes:
-        controller: the user's own.
-        num_actions: length of an action.
-        source: where it is found again; None where it cannot be.
-        spec: what the user gave.
-
     Raises:
         RunError: it lacks a member of `Controller`, or one is wrong.
     """
 
-    controller: Controller
-    num_actions: int
-    source: ControllerSource | None = None
-    spec: Any = None
+    controller: Controller  # the user's own
+    num_actions: int  # length of an action
+    source: ControllerSource | None = None  # where it is found again; None where it cannot be
+    spec: Any = None  # what the user gave
 
     def __post_init__(self) -> None:
         missing = [name for name in _MEMBERS if not hasattr(self.controller, name)]

@@ -16,27 +16,20 @@ from reconstruction._src.base.typed_json import JsonError, as_type
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
-_PLAIN = (bool, int, float, str, type(None))
-"""Types of arguments that a record can hold."""
+_PLAIN = (bool, int, float, str, type(None))  # Types of arguments that a record can hold
 _ADVICE = 'give a class or function of the organism that a module defines, or "module:name" of one'
 
 
 @dataclasses.dataclass(frozen=True)
 class ControllerSource:
-    """A controller of a user, by reference. It can be hashed, compared, pickled and written as JSON.
+    """A controller of a user, by reference. It can be hashed, compared, pickled and written as JSON."""
 
-    Attributes:
-        name: name of the controller.
-        version: its version when the run began.
-        source: "module:name" of a controller, or of a class or function of the organism that returns one.
-        arguments: fields of a dataclass that `source` names; None for a class or function of the organism.
-        is_allowed: whether its module may be imported; not where a file named it and nobody has allowed it since.
-    """
-
-    name: str
-    version: str
-    source: str
+    name: str  # name of the controller
+    version: str  # its version when the run began
+    source: str  # "module:name" of a controller, or of a class or function of the organism that returns one
+    # fields of a dataclass that `source` names; None for a class or function of the organism
     arguments: tuple[tuple[str, Any], ...] | None = None
+    # whether its module may be imported; not where a file named it and nobody has allowed it since
     is_allowed: bool = dataclasses.field(default=True, compare=False)
 
     def __post_init__(self) -> None:

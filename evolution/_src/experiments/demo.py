@@ -38,20 +38,15 @@ def refuse_foreign_files(folder: Path, marker: str, names: Iterable[str]) -> Non
         )
 
 
-MARKER = "demo.json"
-"""The file that the demo writes first; it shows that the folder is a demo's."""
+MARKER = "demo.json"  # The file that the demo writes first; it shows that the folder is a demo's
 OUTPUTS = ("survey.npz", "cloud.ply", "gsrm.npz", "gg.npz", "arenas/gsrm", "arenas/gg", "run", "report.html")
 """Files and folders that the demo makes."""
 
 
 class Step(Protocol):
-    """One step of the pipeline, as the command line draws it.
+    """One step of the pipeline, as the command line draws it."""
 
-    Attributes:
-        seconds: wall time, known when the step has ended.
-    """
-
-    seconds: float
+    seconds: float  # wall time, known when the step has ended
 
     @property
     def progress(self) -> rc.Progress:
@@ -59,64 +54,42 @@ class Step(Protocol):
         ...
 
 
-Track = Callable[[str], AbstractContextManager[Step]]
-"""Starts a step with the given title."""
+Track = Callable[[str], AbstractContextManager[Step]]  # Starts a step with the given title
 
 
 @dataclasses.dataclass(frozen=True)
 class DemoConfig:
-    """What the demo builds.
+    """What the demo builds."""
 
-    Attributes:
-        folder: the folder of all files.
-        seed: seed of all random numbers.
-        modules: number of modules in the snake.
-        gsrm_units: units of the GSRM, whose surface becomes the arena of the evolution; 2200 as in the paper.
-        gg_units: units of the growing grid; 7000 give about 14,000 triangles, as in the paper.
-        generations: limit of the evolution, which stops earlier when a champion is confirmed.
-        workers: threads; the results do not depend on their number.
-        trials: randomized trials in which the champion is judged in each arena; 18 of 20 are the success threshold.
-    """
-
-    folder: Path
-    seed: int = 0
-    modules: int = 8
+    folder: Path  # the folder of all files
+    seed: int = 0  # seed of all random numbers
+    modules: int = 8  # number of modules in the snake
+    # units of the GSRM, whose surface becomes the arena of the evolution; 2200 as in the paper
     gsrm_units: int = 2200
-    gg_units: int = 7000
-    generations: int = 30
-    workers: int = os.cpu_count() or 1
+    gg_units: int = 7000  # units of the growing grid; 7000 give about 14,000 triangles, as in the paper
+    generations: int = 30  # limit of the evolution, which stops earlier when a champion is confirmed
+    workers: int = os.cpu_count() or 1  # threads; the results do not depend on their number
+    # randomized trials in which the champion is judged in each arena; 18 of 20 are the success threshold
     trials: int = 20
 
 
 @dataclasses.dataclass
 class DemoResult:
-    """Everything the demo made, for its page.
+    """Everything the demo made, for its page."""
 
-    Attributes:
-        config: the configuration of the demo.
-        log: the scan log.
-        raw_points: before pre-processing [m].
-        points: after pre-processing, thinned [m].
-        surfaces: network -> reconstruction.
-        arenas: network -> arena.
-        run: the evolution.
-        outcomes: arena -> randomized trials of the champion there.
-        films: arena -> recording of the champion's nominal trial there; "insufficient": of a robot that did not
-            cross, in the true arena.
-        seconds: step -> wall time [s].
-        colors: red, green and blue of `points` as the robot's camera saw them.
-    """
-
-    config: DemoConfig
-    log: rc.ScanLog
-    raw_points: Float[np.ndarray, "N 3"]
-    points: Float[np.ndarray, "M 3"]
-    surfaces: dict[str, rc.Reconstruction]
-    arenas: dict[str, sg.Arena]
-    run: ev.Run
-    outcomes: dict[str, ev.Outcome]
+    config: DemoConfig  # the configuration of the demo
+    log: rc.ScanLog  # the scan log
+    raw_points: Float[np.ndarray, "N 3"]  # before pre-processing [m]
+    points: Float[np.ndarray, "M 3"]  # after pre-processing, thinned [m]
+    surfaces: dict[str, rc.Reconstruction]  # network -> reconstruction
+    arenas: dict[str, sg.Arena]  # network -> arena
+    run: ev.Run  # the evolution
+    outcomes: dict[str, ev.Outcome]  # arena -> randomized trials of the champion there
+    # arena -> recording of the champion's nominal trial there; "insufficient": of a robot that did not cross,
+    # in the true arena
     films: dict[str, ev.Recording]
-    seconds: dict[str, float]
+    seconds: dict[str, float]  # step -> wall time [s]
+    # red, green and blue of `points` as the robot's camera saw them
     colors: UInt8[np.ndarray, "M 3"] | None = None
 
     @property

@@ -47,35 +47,25 @@ from symbrion_gym._src.ready_made import SPACING
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner
 
 logger = logging.getLogger(__name__)
-Result = dict[str, Any]
-"""Plain JSON content."""
+Result = dict[str, Any]  # Plain JSON content
 
 
 @dataclasses.dataclass(frozen=True)
 class PaperSizes:
-    """Sizes and numbers of repetitions.
+    """Sizes and numbers of repetitions."""
 
-    Attributes:
-        gsrm_units: sizes of the GSRM, Table I and Fig. 4; 2200 is the paper's.
-        gg_triangles: sizes of the growing grid, Table I and Fig. 5; 13,860 is the paper's.
-        cold_starts: also time the first call of each network, in a process without compiled programs.
-        generations: limit of the evolution, which stops earlier when a champion is confirmed.
-        trials: randomized trials in which the champion is judged; 18 of 20 count as a success.
-        runs: crossings that are timed in each arena, Table II; 100 in the paper.
-        scans: laser scans that are timed with each method, Table III.
-        brute_scans: the same by brute force, which takes much longer.
-        film_rate: frame rate of the videos [1/s].
-    """
-
+    # sizes of the GSRM, Table I and Fig. 4; 2200 is the paper's.
     gsrm_units: tuple[int, ...] = (800, 2200, 5000)
+    # sizes of the growing grid, Table I and Fig. 5; 13,860 is the paper's.
     gg_triangles: tuple[int, ...] = (210, 1500, 13860)
+    # also time the first call of each network, in a process without compiled programs
     cold_starts: bool = True
-    generations: int = 40
-    trials: int = 20
-    runs: int = 100
-    scans: int = 1000
-    brute_scans: int = 20
-    film_rate: int = 20
+    generations: int = 40  # limit of the evolution, which stops earlier when a champion is confirmed
+    trials: int = 20  # randomized trials in which the champion is judged; 18 of 20 count as a success
+    runs: int = 100  # crossings that are timed in each arena, Table II; 100 in the paper
+    scans: int = 1000  # laser scans that are timed with each method, Table III
+    brute_scans: int = 20  # the same by brute force, which takes much longer
+    film_rate: int = 20  # frame rate of the videos [1/s]
 
 
 FULL = PaperSizes()
@@ -110,15 +100,12 @@ OUTPUTS = (
 """Files and folders that the experiments and their page make."""
 
 # Table II: what differs between the runs, and which part of a crossing is timed.
-STEPS = 3500
-"""Physics steps that are timed in each crossing, as in the paper."""
+STEPS = 3500  # Physics steps that are timed in each crossing, as in the paper
 CONDITIONS = {"friction": (0.55, 0.9), "yaw": (-0.05, 0.05), "start_offset": (-0.05, 0.05)}
 """Ranges of a run: friction as in the trials of a champion; a small heading [rad], as a run that leaves the course does
 not cross the pit; offset along the course [m]."""
-PIT_EDGE = -0.2
-"""Position of the head from which a run is timed: just behind the edge of the pit [m]."""
-LEAD_TICKS = 400
-"""A run is timed after as many ticks in any case."""
+PIT_EDGE = -0.2  # Position of the head from which a run is timed: just behind the edge of the pit [m]
+LEAD_TICKS = 400  # A run is timed after as many ticks in any case
 REST_TICKS = 1000
 """Ticks after the timed ones, for the body to be completely across: in 17.5 s it moves 1.75 m at most."""
 MAX_WAIT = 50e-6
@@ -136,10 +123,8 @@ PAIRS = 2_000_000
 # Fig. 7.
 SHORT_MODULES = 4
 """Modules of a body that is too short to cross the pit with any controller: 0.5 m, and the pit is 0.45 m wide."""
-FILM_SPEED = 5.0
-"""Playback speed of the videos, relative to real time."""
-NEAR_PIT = -0.35
-"""Position of the head shortly before the pit, whose edge is at -0.225 m [m]."""
+FILM_SPEED = 5.0  # Playback speed of the videos, relative to real time
+NEAR_PIT = -0.35  # Position of the head shortly before the pit, whose edge is at -0.225 m [m]
 
 
 def run_experiments(

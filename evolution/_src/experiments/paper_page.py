@@ -52,8 +52,7 @@ MAX_PHYSICS_RATIO, MAX_LASER_RATIO = 1.3, 1.5
 """Largest ratios of the growing grid to the hand-made model that count as a success; set before measuring."""
 SUCCESS_THRESHOLD = 0.9
 """Share of the trials in the true arena from which a champion counts as a success: 18 of 20."""
-AROUND = 0.35
-"""Raw readings are shown up to this distance around the arena [m]."""
+AROUND = 0.35  # Raw readings are shown up to this distance around the arena [m]
 ABSENT = "-"
 MODELS = {"gsrm": "GSRM", "gg": "GG", "simple": "hand-made"}
 METHODS = {

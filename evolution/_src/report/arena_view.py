@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 
 ROBOT_COLOR = (0.98, 0.78, 0.16)
 WAY_LOOK: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 1.4}
-_MOST_TICKS = 14
-"""Along the longer side of a picture."""
+_MOST_TICKS = 14  # Along the longer side of a picture
 _BEHIND = 0.05
 """A robot this far behind the surface is still drawn [m]: it stands on contact, which may be lower."""
 
@@ -101,19 +100,13 @@ def make_way_legend() -> Line2D:
     return Line2D([], [], label="straight way for it", **WAY_LOOK)
 
 
-LAYERS = ("surface", "contact", "drivable", "route")
-"""What can be drawn."""
-DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
-"""Elevation and azimuth of the two cameras [degree]."""
-FROM_ABOVE = (90.0, -90.0)
-"""Of the camera of the plan: x to the right, y up."""
-PLAN_SHARE = 0.7
-"""Width of the plan, relative to that of both pictures side by side."""
-WIDTH = 760
-"""Width of each picture [pixel]."""
+LAYERS = ("surface", "contact", "drivable", "route")  # What can be drawn
+DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))  # Elevation and azimuth of the two cameras [degree]
+FROM_ABOVE = (90.0, -90.0)  # Of the camera of the plan: x to the right, y up
+PLAN_SHARE = 0.7  # Width of the plan, relative to that of both pictures side by side
+WIDTH = 760  # Width of each picture [pixel]
 SURFACE_COLOR = np.array([0.80, 0.78, 0.74])
-LUMA = np.array([0.2126, 0.7152, 0.0722])
-"""Weights of red, green and blue in a gray (ITU-R BT.709)."""
+LUMA = np.array([0.2126, 0.7152, 0.0722])  # Weights of red, green and blue in a gray (ITU-R BT.709)
 LIGHTEST, MUTED_CONTRAST = 0.92, 0.35
 """Of the grays in place of a scan's colors, below contact or drivable ground: white, and what of the contrast stays."""
 CONTACT_OPACITY = 0.40
@@ -130,10 +123,8 @@ HEIGHT_WEIGHT = 4.0
 ROUTE_COLOR = "#b00050"
 ENDS = (("*", 12, ROUTE_COLOR, "goal"), ("o", 7, "white", "start"))
 """Marker, size [point], color and name, in the order in which they are drawn: a goal never hides the start."""
-BEHIND = 0.05
-"""Contact and route this far behind the surface are still drawn [m]: within what a robot feels."""
-LIFT = 0.02
-"""A route is drawn this far above the ground [m]."""
+BEHIND = 0.05  # Contact and route this far behind the surface are still drawn [m]: within what a robot feels
+LIFT = 0.02  # A route is drawn this far above the ground [m]
 
 
 def draw_arena(

@@ -51,10 +51,8 @@ def _find_processor() -> str:
     return next(names, "") or platform.machine()
 
 
-FILM_SPEED = 5.0
-"""Playback speed of films, relative to real time."""
-MOST_CARDS = 24
-"""Bodies on a page."""
+FILM_SPEED = 5.0  # Playback speed of films, relative to real time
+MOST_CARDS = 24  # Bodies on a page
 
 
 def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Progress = silent) -> Page:

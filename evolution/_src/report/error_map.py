@@ -33,8 +33,7 @@ from symbrion_gym._src.contact.quality import ArenaQuality
 
 DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
 """Elevation and azimuth of the two cameras [degree]: opposite each other, so that every wall is seen."""
-WIDTH = 620
-"""Width of each of the four pictures [pixel]."""
+WIDTH = 620  # Width of each of the four pictures [pixel]
 COLORS = "coolwarm"
 """Red: contact stands in front of the surface, a bump. Blue: it lies behind or is missing, a hole."""
 LEAST_LIMIT = 0.001
@@ -141,10 +140,8 @@ def _compose(
 
 SLIPPERY, ROUGH = (0.20, 0.50, 0.95), (0.75, 0.40, 0.15)
 """Colors of patches with less and with more friction than the rest of the ground."""
-_FULL = 0.5
-"""Difference of the friction that is drawn in the full color."""
-_OPACITY = (0.25, 0.8)
-"""Of the smallest and of the largest difference."""
+_FULL = 0.5  # Difference of the friction that is drawn in the full color
+_OPACITY = (0.25, 0.8)  # Of the smallest and of the largest difference
 
 
 def add_friction(

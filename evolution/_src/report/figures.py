@@ -22,14 +22,10 @@ from PIL import Image
 from evolution._src.search.bodies.genome import BodyGenome
 from reconstruction._src.surfaces.color import WHITE, find_vertex_colors
 
-DPI = 110
-"""Resolution of figures without text; a page shows them pixel by pixel."""
-CHART_DPI = 150
-"""Resolution of charts; higher, so that their text is sharp on screens of high density."""
-CHART_WIDTH = 5.6
-"""Width of a chart [inch]; its text can be read on a phone, too."""
-MARGIN = 12
-"""White border around a figure [pixel]."""
+DPI = 110  # Resolution of figures without text; a page shows them pixel by pixel
+CHART_DPI = 150  # Resolution of charts; higher, so that their text is sharp on screens of high density
+CHART_WIDTH = 5.6  # Width of a chart [inch]; its text can be read on a phone, too
+MARGIN = 12  # White border around a figure [pixel]
 
 
 def to_png(figure: Figure, is_reduced: bool = True) -> bytes:
@@ -76,8 +72,7 @@ MARK_COLOR = "#d1242f"
 EDGE_COLOR = "#3a4a5c"
 INK_COLOR = "#1d2530"
 SURFACE_COLOR = "#c9d6e4"
-SECTION_HALF_WIDTH = 0.03
-"""Points up to this distance from a section are drawn on it [m]."""
+SECTION_HALF_WIDTH = 0.03  # Points up to this distance from a section are drawn on it [m]
 MAX_SPLIT_FACES = 300
 """Largest number of faces of a mesh that is drawn in small parts: large triangles cannot be sorted by depth."""
 
@@ -327,12 +322,9 @@ def style_axes(axes: Axes) -> None:
     axes.grid(alpha=0.25)
 
 
-COLUMNS = 6
-"""Bodies side by side."""
-_CELL = (1.9, 1.8)
-"""Width and height of a body with its label [inch]."""
-_LEAST_SPAN = 0.45
-"""Edge of the smallest region that is drawn [m], so that small bodies do not look large."""
+COLUMNS = 6  # Bodies side by side
+_CELL = (1.9, 1.8)  # Width and height of a body with its label [inch]
+_LEAST_SPAN = 0.45  # Edge of the smallest region that is drawn [m], so that small bodies do not look large
 
 
 def draw_bodies(bodies: Sequence[BodyGenome], labels: Sequence[str], columns: int = COLUMNS) -> Figure:

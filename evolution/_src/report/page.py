@@ -25,36 +25,23 @@ _TEMPLATE = jinja2.Environment(
 
 @dataclasses.dataclass(frozen=True)
 class Card:
-    """A picture that opens.
+    """A picture that opens."""
 
-    Attributes:
-        picture: figure, or PNG.
-        label: below the picture.
-        text: shown when it is open.
-        video: H.264 in MP4, likewise; None for none. The closed card says that there is one.
-        mark: a word on the card, which is framed; empty for none.
-    """
-
-    picture: bytes | Figure
-    label: str
-    text: str
+    picture: bytes | Figure  # figure, or PNG
+    label: str  # below the picture
+    text: str  # shown when it is open
+    # H.264 in MP4, likewise; None for none. The closed card says that there is one.
     video: bytes | None = None
-    mark: str = ""
+    mark: str = ""  # a word on the card, which is framed; empty for none
 
 
 @dataclasses.dataclass
 class Page:
-    """A page to which blocks are added one after the other, and which is written at the end.
+    """A page to which blocks are added one after the other, and which is written at the end."""
 
-    Attributes:
-        title: the heading, and the title of the browser tab.
-        summary: one paragraph below the heading.
-        footer: machine, versions, command.
-    """
-
-    title: str
-    summary: str = ""
-    footer: str = ""
+    title: str  # the heading, and the title of the browser tab
+    summary: str = ""  # one paragraph below the heading
+    footer: str = ""  # machine, versions, command
     _blocks: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
     def add_section(self, title: str, text: str = "") -> None:

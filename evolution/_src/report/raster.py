@@ -15,32 +15,22 @@ if TYPE_CHECKING:
     from symbrion_gym._src.traversability.routes import DrivingRoute
 
 
-_MOST_CELLS = 1_000_000
-"""Pixels that are tested at once: bounds the memory to some 100 MB."""
+_MOST_CELLS = 1_000_000  # Pixels that are tested at once: bounds the memory to some 100 MB
 _FILLED, _MOST_HEIGHT = 0.97, 0.75
 """Share of the picture that is filled; largest height of a picture, relative to its width."""
 _EDGE = 1e-9
 """Pixels this far outside of a triangle, relative to its size, belong to it: no gap between neighbors."""
-_LEAST_AREA = 1e-9
-"""Triangles that cover less are seen from the side and not drawn [pixel²]."""
+_LEAST_AREA = 1e-9  # Triangles that cover less are seen from the side and not drawn [pixel²]
 
 
 class View(NamedTuple):
-    """A camera without perspective.
+    """A camera without perspective."""
 
-    Attributes:
-        axes: rows: right, up, and towards the camera, as unit vectors.
-        center: the point in the middle of the picture [m].
-        scale: pixels per meter.
-        width: pixels.
-        height: pixels.
-    """
-
-    axes: Float[np.ndarray, "3 3"]
-    center: Float[np.ndarray, " 3"]
-    scale: float
-    width: int
-    height: int
+    axes: Float[np.ndarray, "3 3"]  # rows: right, up, and towards the camera, as unit vectors
+    center: Float[np.ndarray, " 3"]  # the point in the middle of the picture [m]
+    scale: float  # pixels per meter
+    width: int  # pixels
+    height: int  # pixels
 
     def project(self, points: Float[np.ndarray, "*N 3"]) -> Float[np.ndarray, "*N 3"]:
         """Return column, row [pixel] and height towards the camera [m] of points."""
@@ -67,15 +57,10 @@ class View(NamedTuple):
 
 
 class Pixels(NamedTuple):
-    """What a picture shows.
+    """What a picture shows."""
 
-    Attributes:
-        face: triangle in each pixel; -1 where there is none.
-        height: its height towards the camera [m]; -inf where there is none.
-    """
-
-    face: Int[np.ndarray, "H W"]
-    height: Float[np.ndarray, "H W"]
+    face: Int[np.ndarray, "H W"]  # triangle in each pixel; -1 where there is none
+    height: Float[np.ndarray, "H W"]  # its height towards the camera [m]; -inf where there is none
 
 
 def make_view(points: Float[np.ndarray, "N 3"], elevation: float, azimuth: float, width: int) -> View:
@@ -162,12 +147,9 @@ def _compute_shares(
     return np.stack([first, second, 1.0 - first - second])
 
 
-OVERSAMPLING = 2
-"""Rows and columns of samples per pixel: edges become smooth."""
-_AMBIENT = 0.68
-"""Brightness of what faces away from the light; the rest depends on the angle."""
-_OUTLINE = 0.55
-"""Brightness of outlines."""
+OVERSAMPLING = 2  # Rows and columns of samples per pixel: edges become smooth
+_AMBIENT = 0.68  # Brightness of what faces away from the light; the rest depends on the angle
+_OUTLINE = 0.55  # Brightness of outlines
 
 
 def shade_pixels(
@@ -212,16 +194,13 @@ def reduce_samples(picture: Float[np.ndarray, "H W 3"]) -> Float[np.ndarray, "h 
     return picture.reshape(rows, OVERSAMPLING, columns, OVERSAMPLING, 3).mean(axis=(1, 3))
 
 
-_TAIL = 2.5
-"""The scene is what lies between this percentile and its opposite along each axis [%] ..."""
+_TAIL = 2.5  # The scene is what lies between this percentile and its opposite along each axis [%] ..
 _BEYOND = 0.5
 """... and this share of it beyond: even ground keeps its rims, and flaps of a few far points are cut off."""
-_SMALL = 0.3
-"""A route that extends over less than this share of the scene is framed itself ..."""
+_SMALL = 0.3  # A route that extends over less than this share of the scene is framed itself ..
 _AROUND = 1.0
 """... with as much ground around it, relative to its extent, on each side, and at least `_LEAST_AROUND`."""
-_LEAST_AROUND = 1.0
-"""[m]"""
+_LEAST_AROUND = 1.0  # [m]
 
 
 def find_frame(

@@ -17,28 +17,20 @@ from evolution._src.report.figures import EDGE_COLOR, PALETTE, shade
 from reconstruction._src.surfaces.color import find_vertex_colors
 
 Trace = dict[str, Any]
-MILLIMETER_DIGITS = 3
-"""Decimals of coordinates in meters."""
+MILLIMETER_DIGITS = 3  # Decimals of coordinates in meters
 CAMERA = {"eye": {"x": -0.56, "y": -2.26, "z": 1.24}, "center": {"x": 0.0, "y": 0.0, "z": -0.04}}
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
-PATH_STEP = 5
-"""Every fifth position of the head becomes a point of its path."""
+PATH_STEP = 5  # Every fifth position of the head becomes a point of its path
 
 
 @dataclass
 class Layer:
-    """A part of the scene that a switch shows or hides.
+    """A part of the scene that a switch shows or hides."""
 
-    Attributes:
-        name: label of the switch.
-        traces: Plotly traces, as plain dictionaries.
-        is_shown: whether it is visible at first.
-    """
-
-    name: str
-    traces: list[Trace]
-    is_shown: bool = True
+    name: str  # label of the switch
+    traces: list[Trace]  # Plotly traces, as plain dictionaries
+    is_shown: bool = True  # whether it is visible at first
 
 
 @dataclass

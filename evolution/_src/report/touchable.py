@@ -11,12 +11,10 @@ from symbrion_gym._src.contact.inside import compute_depths, find_nearest, join_
 
 _PARTS = 80
 """Contact is cut into parts this small, relative to the arena, before those behind the surface are left out."""
-_ALIKE = 0.5
-"""Cosine from which contact faces the same way as the surface."""
+_ALIKE = 0.5  # Cosine from which contact faces the same way as the surface
 _IN_FRONT = 0.001
 """Contact farther in front of the surface is drawn whichever way it faces [m]. The rest is the outside of a wall."""
-_HIDDEN = 1e-4
-"""Contact deeper inside another piece is left out [m]."""
+_HIDDEN = 1e-4  # Contact deeper inside another piece is left out [m]
 
 
 def find_touchable(arena: sg.Arena) -> tuple[Float[np.ndarray, "F 3 3"], Int[np.ndarray, " F"]]:

@@ -28,21 +28,13 @@ outside."""
 
 @dataclass(frozen=True)
 class Space:
-    """The space of genotypes.
+    """The space of genotypes."""
 
-    Attributes:
-        names: one for each gene.
-        lower: smallest value of each gene.
-        upper: largest value of each gene.
-        initial: genotype at which the search begins.
-        spread: width of the first sample relative to sigma, per gene.
-    """
-
-    names: tuple[str, ...]
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
-    initial: tuple[float, ...]
-    spread: tuple[float, ...]
+    names: tuple[str, ...]  # one for each gene
+    lower: tuple[float, ...]  # smallest value of each gene
+    upper: tuple[float, ...]  # largest value of each gene
+    initial: tuple[float, ...]  # genotype at which the search begins
+    spread: tuple[float, ...]  # width of the first sample relative to sigma, per gene
 
     def __post_init__(self) -> None:
         sizes = {len(self.names), len(self.lower), len(self.upper), len(self.initial), len(self.spread)}

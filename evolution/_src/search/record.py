@@ -95,8 +95,7 @@ HISTORY = np.dtype(
 the run, `successes` and `failures` are this generation's genotypes that succeeded in all trials or could not be
 tried, `champion_*` the validation trials of the champion so far."""
 
-TIMES = ("wall_seconds",)
-"""Columns that differ between equal runs."""
+TIMES = ("wall_seconds",)  # Columns that differ between equal runs
 
 
 class Entry(NamedTuple):

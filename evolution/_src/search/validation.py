@@ -40,8 +40,7 @@ from reconstruction._src.base.range_checks import (
 )
 from symbrion_gym._src.environment.config import STARTS
 
-MAX_ROUNDS = 100
-"""Largest number of rounds of validation trials of a candidate."""
+MAX_ROUNDS = 100  # Largest number of rounds of validation trials of a candidate
 _NEEDED = ("genotype", "names", "controller", "modules", "arena", "generation", "fitness")
 """Fields without which `champion.json` is none."""
 

@@ -27,34 +27,22 @@ from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.robot.body_plans import organism_to_text
 from symbrion_gym._src.robot.organism import Organism
 
-CONTROLLER = "oscillators"
-"""The law of these baselines: it fits any body."""
-POPULATION = 8
-"""Genotypes of a generation."""
-SIGMA = 0.5
-"""Initial step size of CMA-ES, and spread of random genotypes."""
-RESTING_BODY = 3
-"""Modules in a row, where the body is free and nothing is searched."""
-BODIES_DRAWN = 4
-"""Random bodies that CMA-ES shares its budget between, where the body is free."""
+CONTROLLER = "oscillators"  # The law of these baselines: it fits any body
+POPULATION = 8  # Genotypes of a generation
+SIGMA = 0.5  # Initial step size of CMA-ES, and spread of random genotypes
+RESTING_BODY = 3  # Modules in a row, where the body is free and nothing is searched
+BODIES_DRAWN = 4  # Random bodies that CMA-ES shares its budget between, where the body is free
 LEARNING = LearningConfig(population_size=6, levels=(1, 2, 4), exam_trials=1, is_examined_early=False)
 """Of the bodies of the surrogate search; the first budget level is the zero genotype alone."""
-CHILDREN, PARENTS = 4, 6
-"""Bodies of an iteration of the surrogate search, and parents."""
+CHILDREN, PARENTS = 4, 6  # Bodies of an iteration of the surrogate search, and parents
 
 
 class Found(NamedTuple):
-    """The best genotype so far.
+    """The best genotype so far."""
 
-    Attributes:
-        fitness: of its best trial while learning.
-        body: its body.
-        genotype: its genes.
-    """
-
-    fitness: float
-    body: Organism
-    genotype: Float[np.ndarray, " G"]
+    fitness: float  # of its best trial while learning
+    body: Organism  # its body
+    genotype: Float[np.ndarray, " G"]  # its genes
 
 
 class Practice:
@@ -178,15 +166,10 @@ Baseline: TypeAlias = Callable[[Practice, np.random.Generator], None]
 
 @dataclass(frozen=True)
 class Method:
-    """A baseline.
+    """A baseline."""
 
-    Attributes:
-        run: the baseline.
-        is_for_free_bodies: whether it suits only tasks in which the method chooses the body.
-    """
-
-    run: Baseline
-    is_for_free_bodies: bool = False
+    run: Baseline  # the baseline
+    is_for_free_bodies: bool = False  # whether it suits only tasks in which the method chooses the body
 
     def suits(self, task: SuiteTask) -> bool:
         """Return whether it can run on a task."""

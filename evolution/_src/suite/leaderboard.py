@@ -30,15 +30,10 @@ ALONE, SHARED, NOWHERE = "1", "1=", "–"
 
 
 class Spread(NamedTuple):
-    """A number over the seeds.
+    """A number over the seeds."""
 
-    Attributes:
-        mean: its mean.
-        deviation: its standard deviation over seeds; nan with one seed.
-    """
-
-    mean: float
-    deviation: float
+    mean: float  # its mean
+    deviation: float  # its standard deviation over seeds; nan with one seed
 
     def format(self, digits: int) -> str:
         """Return "mean ± deviation", or the mean of the only seed."""
@@ -48,28 +43,17 @@ class Spread(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What a submission has on a task.
+    """What a submission has on a task."""
 
-    Attributes:
-        task: name of the task.
-        submission: name of the submission.
-        seeds: how many there are.
-        truth_successes: of `EXAM_TRIALS`, in the truth.
-        scan_successes: on the scan.
-        truth_fitness: in the truth.
-        scan_fitness: on the scan.
-        seconds: simulated for it [s].
-        place: by mean successes in the truth: "1", "2=" where several have as many, and "–" without any success.
-    """
-
-    task: str
-    submission: str
-    seeds: int
-    truth_successes: Spread
-    scan_successes: Spread
-    truth_fitness: Spread
-    scan_fitness: Spread
-    seconds: Spread
+    task: str  # name of the task
+    submission: str  # name of the submission
+    seeds: int  # how many there are
+    truth_successes: Spread  # of `EXAM_TRIALS`, in the truth
+    scan_successes: Spread  # on the scan
+    truth_fitness: Spread  # in the truth
+    scan_fitness: Spread  # on the scan
+    seconds: Spread  # simulated for it [s]
+    # by mean successes in the truth: "1", "2=" where several have as many, and "–" without any success
     place: str = NOWHERE
 
 

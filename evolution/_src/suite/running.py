@@ -16,8 +16,7 @@ from evolution._src.suite.submission import Entry, Score, Submission, compute_sc
 from evolution._src.suite.tasks import BUDGET, SUITE, SuiteTask, find_suite_task
 from reconstruction._src.base.progress import Progress, silent
 
-FindEntry = Callable[[SuiteTask, int], Entry]
-"""From a task and a seed to what a method has found."""
+FindEntry = Callable[[SuiteTask, int], Entry]  # From a task and a seed to what a method has found
 
 
 def run_suite(
@@ -85,22 +84,15 @@ def _continue(begun: Submission, out: Path) -> Submission:
     return known
 
 
-TOLERANCE = 1e-6
-"""Difference of fitness that other processors and versions of libraries may make [m]."""
+TOLERANCE = 1e-6  # Difference of fitness that other processors and versions of libraries may make [m]
 
 
 class Check(NamedTuple):
-    """An entry whose score was computed again.
+    """An entry whose score was computed again."""
 
-    Attributes:
-        entry: as submitted.
-        scan: score in the arena, computed again.
-        truth: score in the exact arena, computed again.
-    """
-
-    entry: Entry
-    scan: Score
-    truth: Score
+    entry: Entry  # as submitted
+    scan: Score  # score in the arena, computed again
+    truth: Score  # score in the exact arena, computed again
 
     @property
     def holds(self) -> bool:

@@ -35,60 +35,38 @@ SCORING = Scoring(module=0.0)
 
 @dataclass(frozen=True)
 class Score:
-    """How a genotype fared in the trials of the suite.
+    """How a genotype fared in the trials of the suite."""
 
-    Attributes:
-        fitness: mean over trials, see `evolution._src.backends.scoring`.
-        successes: successful trials of `EXAM_TRIALS`.
-    """
-
-    fitness: float
-    successes: int
+    fitness: float  # mean over trials, see `evolution._src.backends.scoring`
+    successes: int  # successful trials of `EXAM_TRIALS`
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What a method has found for a task with a seed.
+    """What a method has found for a task with a seed."""
 
-    Attributes:
-        task: name of the task.
-        seed: seed of the method.
-        body: body plan.
-        controller: name of a law of ours, or "module:name".
-        genotype: genes of the controller.
-        seconds: simulated time that was spent [s], at most the budget and one generation.
-        scan: score in the arena.
-        truth: score in the exact arena.
-    """
-
-    task: str
-    seed: int
-    body: str
-    controller: str
-    genotype: tuple[float, ...]
-    seconds: float
-    scan: Score
-    truth: Score
+    task: str  # name of the task
+    seed: int  # seed of the method
+    body: str  # body plan
+    controller: str  # name of a law of ours, or "module:name"
+    genotype: tuple[float, ...]  # genes of the controller
+    seconds: float  # simulated time that was spent [s], at most the budget and one generation
+    scan: Score  # score in the arena
+    truth: Score  # score in the exact arena
 
 
 @dataclass(frozen=True)
 class Submission:
     """A submission.
 
-    Attributes:
-        name: name of the method.
-        entries: what it has found.
-        provenance: versions, commit, command.
-        version: of the suite.
-
     Raises:
         RunError: it is of another suite, or an entry cannot be one of its tasks.
     """
 
-    name: str
-    entries: tuple[Entry, ...]
-    provenance: Mapping[str, Any] = field(default_factory=dict)
-    version: str = VERSION
+    name: str  # name of the method
+    entries: tuple[Entry, ...]  # what it has found
+    provenance: Mapping[str, Any] = field(default_factory=dict)  # versions, commit, command
+    version: str = VERSION  # of the suite
 
     def __post_init__(self) -> None:
         if self.version != VERSION:

@@ -28,17 +28,12 @@ STAIRS = StairsCourse(steps=2, rise=0.05, run=0.30, floor=1.2, plateau=1.2)
 """Steps four times the radius of the rollers in a track (0.011 m), which do not roll up a vertical wall."""
 COURSES = {"gap": GAP, "stairs": STAIRS}
 PLACES = (*COURSES, "rough")
-GROUND_LENGTH, GROUND_WIDTH = 3.6, 2.0
-"""Size of the rough ground [m]."""
-HILLS_FROM, HILLS_TO = -0.6, 1.4
-"""x between which there are hills on it [m]."""
+GROUND_LENGTH, GROUND_WIDTH = 3.6, 2.0  # Size of the rough ground [m]
+HILLS_FROM, HILLS_TO = -0.6, 1.4  # x between which there are hills on it [m]
 _NUM_HILLS, _CORNERS = 45, 7
-_RADII = (0.10, 0.30)
-"""Smallest and largest radius of a hill [m]."""
-_SLOPES = (0.25, 0.6)
-"""Smallest and largest slope of its sides."""
-_FLOOR = 0.2
-"""Thickness of the ground [m]."""
+_RADII = (0.10, 0.30)  # Smallest and largest radius of a hill [m]
+_SLOPES = (0.25, 0.6)  # Smallest and largest slope of its sides
+_FLOOR = 0.2  # Thickness of the ground [m]
 
 
 def make_hills() -> list[trimesh.Trimesh]:
@@ -82,35 +77,24 @@ def find_published_arena(name: str) -> Path:
     return find_assets() / "suite" / "arenas" / name
 
 
-VERSION = "2"
-"""Raised when a task changes, so that scores of different suites are never compared."""
-BUDGET = 1000.0
-"""Simulated time that a method may spend on a task with one seed [s]."""
-EXAM_TRIALS = 10
-"""Trials of a score, under conditions that no method has seen."""
-EXAM_SEED = (22, 2026)
-"""Seed of the conditions of a score; learning uses one number more."""
-LARGEST = 5
-"""Modules of a body that may be chosen."""
+VERSION = "2"  # Raised when a task changes, so that scores of different suites are never compared
+BUDGET = 1000.0  # Simulated time that a method may spend on a task with one seed [s]
+EXAM_TRIALS = 10  # Trials of a score, under conditions that no method has seen
+EXAM_SEED = (22, 2026)  # Seed of the conditions of a score; learning uses one number more
+LARGEST = 5  # Modules of a body that may be chosen
 
 
 @dataclass(frozen=True)
 class SuiteTask:
-    """A task of the suite.
+    """A task of the suite."""
 
-    Attributes:
-        name: its name.
-        arena: what a method may use: the name of a ready-made arena, or of a place.
-        truth: what the arena was scanned from, which judges alone; None for the exact place of the same name.
-        body: body plan, name or number of modules; None: the method chooses, up to five modules.
-        options: of the environment.
-    """
-
-    name: str
-    arena: str
+    name: str  # its name
+    arena: str  # what a method may use: the name of a ready-made arena, or of a place
+    # body plan, name or number of modules; None: the method chooses, up to five modules
     body: str | int | None
+    # what the arena was scanned from, which judges alone; None for the exact place of the same name
     truth: str | None = None
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)  # of the environment
 
     def make_trials(
         self,
@@ -138,8 +122,7 @@ class SuiteTask:
         return {"track_control": "skid", "duration": 15.0} | dict(self.options)
 
 
-CROSS = "SBSFSBSF0000SLSF0000SRSF00000000"
-"""A module with others on all sides: five modules."""
+CROSS = "SBSFSBSF0000SLSF0000SRSF00000000"  # A module with others on all sides: five modules
 _GAP = {"task": "cross_gap", "start": "pit"}
 _WIDE = _GAP | {"duration": 30.0}
 _CLIMB, _FALLEN = {"task": "climb"}, {"task": "recover"}

@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-_LONGEST_STEM = 40
-"""Characters of a name that its temporary file keeps: the whole must not exceed 255 bytes."""
+_LONGEST_STEM = 40  # Characters of a name that its temporary file keeps: the whole must not exceed 255 bytes
 _WINDOWS_WAIT = 2.0
 """How long a rename is tried again on Windows while another process has the file open [s]: a reader of a history
 or a virus scanner needs milliseconds. Other systems let a file be replaced that is open."""

@@ -8,8 +8,7 @@ from typing import Any
 
 from reconstruction._src.base.errors import ReconstructionError
 
-Limits = Mapping[str, tuple[float, float]]
-"""Field -> smallest and largest value."""
+Limits = Mapping[str, tuple[float, float]]  # Field -> smallest and largest value
 
 
 def check_all_positive(

@@ -18,10 +18,8 @@ import msgspec
 from reconstruction._src.base.errors import ReconstructionPackageError
 from reconstruction._src.base.printable import make_printable
 
-MAX_FILE_BYTES = 64 * 2**20
-"""Largest file read; those that this project writes have some kilobytes."""
-MAX_DEPTH = 50
-"""Most levels of nesting; files of this project have six."""
+MAX_FILE_BYTES = 64 * 2**20  # Largest file read; those that this project writes have some kilobytes
+MAX_DEPTH = 50  # Most levels of nesting; files of this project have six
 _TOKEN = re.compile(
     r'"(?P<string>(?:[^"\\]|\\.)*+)"?\s*+(?P<is_name>:)?|(?P<open>[\[{])|(?P<close>[\]}])', re.DOTALL
 )

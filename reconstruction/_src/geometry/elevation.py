@@ -11,32 +11,22 @@ from numpy.typing import ArrayLike
 
 _EDGE_TOLERANCE = 1e-9
 """How far outside a triangle (barycentric) a point still counts as inside: neighbors must leave no crack."""
-_SEEN_AREA = 1e-12
-"""A triangle with less than half of this area in plan is vertical [m²]."""
+_SEEN_AREA = 1e-12  # A triangle with less than half of this area in plan is vertical [m²]
 _MOST_CELLS = 2000.0
 """Cells of the grid along the longer side: bounds its memory where triangles lie far apart."""
-_LEAST_EXTENT = 1e-9
-"""Extent of a grid whose triangles are one point in plan [m]."""
+_LEAST_EXTENT = 1e-9  # Extent of a grid whose triangles are one point in plan [m]
 
 
 class ElevationGrid(NamedTuple):
-    """Triangles sorted into cells of a plan; a cell is `row * shape[1] + column`.
+    """Triangles sorted into cells of a plan; a cell is `row * shape[1] + column`."""
 
-    Attributes:
-        origin: its lowest x and y [m].
-        cell: edge of a cell [m].
-        shape: number of cells along x and y.
-        starts: where the triangles of each cell begin in `triangles`.
-        triangles: rows of `table`, cell by cell.
-        table: of each triangle corner (x, y, z), two sides from there (x, y), heights of their ends, and twice its
-            area in plan.
-    """
-
-    origin: Float[np.ndarray, " 2"]
-    cell: float
-    shape: tuple[int, int]
-    starts: Int[np.ndarray, " C1"]
-    triangles: Int[np.ndarray, " S"]
+    origin: Float[np.ndarray, " 2"]  # its lowest x and y [m]
+    cell: float  # edge of a cell [m]
+    shape: tuple[int, int]  # number of cells along x and y
+    starts: Int[np.ndarray, " C1"]  # where the triangles of each cell begin in `triangles`
+    triangles: Int[np.ndarray, " S"]  # rows of `table`, cell by cell
+    # of each triangle corner (x, y, z), two sides from there (x, y), heights of their ends, and twice its
+    # area in plan
     table: Float[np.ndarray, "T 10"]
 
 

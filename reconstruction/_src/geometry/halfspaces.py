@@ -18,20 +18,14 @@ STEEP = 0.34
 """A plane whose unit normal rises less than this (it is steeper than 70 degrees) is a side or a wall, not ground."""
 _SAME_NORMAL = 1e-4
 """Normals that differ by less, relative to the size of the solid [1/m], are those of one face that Qhull split."""
-_LEVEL = 1e-6
-"""A unit normal that rises less belongs to a vertical plane: rounding, not slope."""
-_ON_SIDE = 1e-9
-"""A point this close to a vertical plane lies on it [m]."""
+_LEVEL = 1e-6  # A unit normal that rises less belongs to a vertical plane: rounding, not slope
+_ON_SIDE = 1e-9  # A point this close to a vertical plane lies on it [m]
 _SMALLEST_BALL = 1e-4
 """Solids whose largest inner ball is smaller are flat: Qhull finds no corners of them [m]."""
-_LARGEST_BALL = 100.0
-"""Bounds the linear program where a solid is open [m]."""
-_FARTHEST = 1e4
-"""A corner farther from the inner point shows that the solid is open [m]."""
-_LEAST_VOLUME = 1e-6
-"""A prism with less is flat [m³]; MuJoCo refuses those."""
-_DIGITS = 6
-"""Corners are rounded to 1 µm, so that one where many planes meet is one."""
+_LARGEST_BALL = 100.0  # Bounds the linear program where a solid is open [m]
+_FARTHEST = 1e4  # A corner farther from the inner point shows that the solid is open [m]
+_LEAST_VOLUME = 1e-6  # A prism with less is flat [m³]; MuJoCo refuses those
+_DIGITS = 6  # Corners are rounded to 1 µm, so that one where many planes meet is one
 
 
 def compute_halfspaces(piece: trimesh.Trimesh) -> Float[np.ndarray, "H 4"]:
@@ -102,42 +96,27 @@ def compute_tops(
     return np.where(is_inside, top, -np.inf)
 
 
-_RIGHT_ANGLE = 1e-5
-"""Cosine between edges that still counts as a right angle: pieces are saved to 1 µm."""
+_RIGHT_ANGLE = 1e-5  # Cosine between edges that still counts as a right angle: pieces are saved to 1 µm
 _CORNER_TOLERANCE = 5e-6
 """How far a corner may lie from that of the box [m]: a few times the 1 µm to which pieces are saved."""
-_LONG_EDGE = 0.25
-"""Edges of an outline shorter than this share of the longest give a rectangle no direction."""
-_LONG_SIDE = 0.3
-"""An edge that runs along less than this share of a side is a bevelled corner, not the side."""
+_LONG_EDGE = 0.25  # Edges of an outline shorter than this share of the longest give a rectangle no direction
+_LONG_SIDE = 0.3  # An edge that runs along less than this share of a side is a bevelled corner, not the side
 
 
 class Rectangle(NamedTuple):
-    """A rectangle in a plane.
+    """A rectangle in a plane."""
 
-    Attributes:
-        low: `[2]` lower corner, along the axes.
-        high: `[2]` upper corner.
-        axes: `[2, 2]` unit vectors in columns.
-    """
-
-    low: Float[np.ndarray, " 2"]
-    high: Float[np.ndarray, " 2"]
-    axes: Float[np.ndarray, "2 2"]
+    low: Float[np.ndarray, " 2"]  # lower corner, along the axes
+    high: Float[np.ndarray, " 2"]  # upper corner
+    axes: Float[np.ndarray, "2 2"]  # unit vectors in columns
 
 
 class Box(NamedTuple):
-    """A box in space.
+    """A box in space."""
 
-    Attributes:
-        center: `[3]` [m].
-        half_sizes: `[3]` [m].
-        axes: `[3, 3]` unit vectors in columns, right-handed.
-    """
-
-    center: Float[np.ndarray, " 3"]
-    half_sizes: Float[np.ndarray, " 3"]
-    axes: Float[np.ndarray, "3 3"]
+    center: Float[np.ndarray, " 3"]  # [m]
+    half_sizes: Float[np.ndarray, " 3"]  # [m]
+    axes: Float[np.ndarray, "3 3"]  # unit vectors in columns, right-handed
 
 
 def find_box(piece: trimesh.Trimesh) -> Box | None:

@@ -14,37 +14,25 @@ FOLD_COSINE = 0.5
 faces of one size can show; what is sharper doubles back."""
 _TIE_BREAK = 1e-3
 """Added to the weight of every hinge, whose least value is 0: a sparse graph has no edges of weight 0."""
-_SHORTEST = 1e-300
-"""Divided by instead of 0: the direction of what has no length is 0."""
+_SHORTEST = 1e-300  # Divided by instead of 0: the direction of what has no length is 0
 
 
 class Sides(NamedTuple):
-    """The sides of all faces, sorted by the edge they lie on; side k of a face runs from corner k to k + 1.
+    """The sides of all faces, sorted by the edge they lie on; side k of a face runs from corner k to k + 1."""
 
-    Attributes:
-        slots: which side: 3 * face + k.
-        starts: where each edge's sides begin in `slots`.
-        counts: how many faces each edge has.
-        keys: the lower of its two vertices times the number of vertices, plus the higher; ascending.
-    """
-
-    slots: Int[np.ndarray, " S"]
-    starts: Int[np.ndarray, " E"]
-    counts: Int[np.ndarray, " E"]
+    slots: Int[np.ndarray, " S"]  # which side: 3 * face + k
+    starts: Int[np.ndarray, " E"]  # where each edge's sides begin in `slots`
+    counts: Int[np.ndarray, " E"]  # how many faces each edge has
+    # the lower of its two vertices times the number of vertices, plus the higher; ascending
     keys: Int[np.ndarray, " E"]
 
 
 class Hinges(NamedTuple):
-    """Edges with exactly two faces.
+    """Edges with exactly two faces."""
 
-    Attributes:
-        faces: the two faces.
-        sides: which side of each, 0 to 2.
-        is_consistent: whether both are wound alike: they run along the edge in opposite directions.
-    """
-
-    faces: Int[np.ndarray, "P 2"]
-    sides: Int[np.ndarray, "P 2"]
+    faces: Int[np.ndarray, "P 2"]  # the two faces
+    sides: Int[np.ndarray, "P 2"]  # which side of each, 0 to 2
+    # whether both are wound alike: they run along the edge in opposite directions
     is_consistent: Bool[np.ndarray, " P"]
 
 

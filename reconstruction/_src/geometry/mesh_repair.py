@@ -18,10 +18,8 @@ from reconstruction._src.geometry.rows import compute_areas
 
 _SAME_PLACE = 1e-6
 """Vertices closer than this, relative to the extent, are one: the resolution of single precision."""
-_FLAT = 1e-6
-"""A face whose height is smaller, relative to its longest edge, is flat."""
-_SHORTEST = 1e-12
-"""Keeps the square of an edge above zero [m]."""
+_FLAT = 1e-6  # A face whose height is smaller, relative to its longest edge, is flat
+_SHORTEST = 1e-12  # Keeps the square of an edge above zero [m]
 _OVERSHOOT = 0.02
 """Quadric decimation may leave the bounds of the mesh by this share of the extent; beyond, it has gone wrong."""
 
@@ -87,8 +85,7 @@ def simplify(
     return vertices, drop_flat_faces(vertices, faces)
 
 
-LARGEST_COORDINATE = 1e6
-"""[m]; numbers in single precision are 6 cm apart out there."""
+LARGEST_COORDINATE = 1e6  # [m]; numbers in single precision are 6 cm apart out there
 _EXTENTS = (1e-3, 1e4)
 """Smallest and largest extent of a place for robots [m]: others are meshes in another unit."""
 
@@ -97,21 +94,16 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class RepairConfig:
-    """What of a mesh is kept.
+    """What of a mesh is kept."""
 
-    Attributes:
-        max_faces: larger meshes are simplified first: planes need no more, and time is bounded.
-        min_part: loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air. Larger
-            shares lose furniture.
-        keeps_winding: the winding tells where free space is: each part stays wound as most of its area is. Else closed
-            parts are turned outwards, open ones up.
-        drops_slivers: whether slivers at the rim of an open surface are dropped.
-    """
-
-    max_faces: int = 30_000
+    max_faces: int = 30_000  # larger meshes are simplified first: planes need no more, and time is bounded
+    # loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air. Larger
+    # shares lose furniture.
     min_part: float = 3e-4
+    # the winding tells where free space is: each part stays wound as most of its area is. Else closed parts
+    # are turned outwards, open ones up.
     keeps_winding: bool = False
-    drops_slivers: bool = False
+    drops_slivers: bool = False  # whether slivers at the rim of an open surface are dropped
 
 
 REPAIR_DEFAULTS = RepairConfig()

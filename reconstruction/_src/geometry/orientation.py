@@ -15,20 +15,14 @@ from reconstruction._src.geometry.sampling import count_votes
 CUT_COST = 1.0
 """Cost of an edge of the rim, in its squared lengths, against the areas of the faces turned: a part is cut off from
 about 30 faces on. Lower, and single faces with noisy votes come loose; higher, and objects stay inside out."""
-_LARGEST = 2.0**30
-"""Flows are 32-bit integers; the sum of the capacities at a face stays below."""
+_LARGEST = 2.0**30  # Flows are 32-bit integers; the sum of the capacities at a face stays below
 
 
 class TurnedMesh(NamedTuple):
-    """A mesh of which parts were turned.
+    """A mesh of which parts were turned."""
 
-    Attributes:
-        vertices: `[W, 3]` those of the mesh, and behind them copies along the cuts [m].
-        faces: `[F, 3]` in their old order.
-    """
-
-    vertices: Float[np.ndarray, "W 3"]
-    faces: Int[np.ndarray, "F 3"]
+    vertices: Float[np.ndarray, "W 3"]  # those of the mesh, and behind them copies along the cuts [m]
+    faces: Int[np.ndarray, "F 3"]  # in their old order
 
 
 def turn_reversed_parts(
@@ -100,8 +94,7 @@ _INSIDE = 0.5
 """A closed component winds once around what is in it; one with a door or without a ceiling more than this."""
 _LEVEL = 0.9
 """A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
-_LOWEST = 0.15
-"""The bottom of a surface is this share of its height."""
+_LOWEST = 0.15  # The bottom of a surface is this share of its height
 
 
 def orient_outwards(

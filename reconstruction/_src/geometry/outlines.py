@@ -9,8 +9,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 _MAX_CORNERS = 24
 """Corners of an outline: a prism on it keeps below 64 vertices, the most that MuJoCo's hulls should have."""
-_SMALL_CORNER = 1e-5
-"""A corner that takes a smaller share of the area with it is left out."""
+_SMALL_CORNER = 1e-5  # A corner that takes a smaller share of the area with it is left out
 
 
 def find_outline(mesh: trimesh.Trimesh, bounds: Float[np.ndarray, "B 3"]) -> Float[np.ndarray, "P 2"] | None:
@@ -87,13 +86,11 @@ def _measure_corners(polygon: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P
 
 _LONGEST = 5.0
 """A sliver: its edge at the rim is longer than this many median edges of the surface: a network leaves none ..."""
-_MIN_ANGLE_DEG = 120.0
-"""... and its corner off the rim has an angle above this [degrees]: it is low ..."""
+_MIN_ANGLE_DEG = 120.0  # ... and its corner off the rim has an angle above this [degrees]: it is low ...
 _MIN_BEND_DEG = 10.0
 """... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat ground is part
 of the ground."""
-_ROUNDS = 20
-"""Slivers behind slivers are removed, too, in no more rounds than these."""
+_ROUNDS = 20  # Slivers behind slivers are removed, too, in no more rounds than these
 
 
 def drop_rim_slivers(

@@ -117,17 +117,11 @@ def compute_planar_step(first: Float[Array, " 3"], second: Float[Array, " 3"]) -
 
 @dataclass(frozen=True)
 class PlanarPose:
-    """A pose in the x-y plane of another frame.
+    """A pose in the x-y plane of another frame."""
 
-    Attributes:
-        x: [m].
-        y: [m].
-        heading: about z [rad]; composed headings add up, they are not wrapped.
-    """
-
-    x: float = 0.0
-    y: float = 0.0
-    heading: float = 0.0
+    x: float = 0.0  # [m]
+    y: float = 0.0  # [m]
+    heading: float = 0.0  # about z [rad]; composed headings add up, they are not wrapped
 
     @property
     def position(self) -> list[float]:

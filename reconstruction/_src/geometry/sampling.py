@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
 _PLASTIC_NUMBER = 1.32471795724474602596
 """The real root of x^3 = x + 1; its powers are the steps of the R2 sequence."""
-_MARGIN = 1e-3
-"""Reach of a grid beyond the corners [m]: what ends at them is seen from both sides."""
+_MARGIN = 1e-3  # Reach of a grid beyond the corners [m]: what ends at them is seen from both sides
 
 
 def sample_area(
@@ -91,8 +90,7 @@ MIN_COUNT = 4
 DEPTH_MARGIN = 0.25
 """A point is hidden where it is farther than the nearest one in its direction by more than this share: on a floor
 seen at a low angle ranges in one direction differ by as much."""
-NUM_CANDIDATES = 8
-"""As many of the nearest viewpoints are tried for each point."""
+NUM_CANDIDATES = 8  # As many of the nearest viewpoints are tried for each point
 
 
 def find_seen_sides(

@@ -21,24 +21,19 @@ _CPU_CHUNK, _GPU_CHUNK = 4096, 2**20
 OUTLIER_SCALE = 6.0
 """A sample this many times the mean residual from the faces around it has half its weight (Cauchy); lower
 ignores more outliers, and more of the creases."""
-MAX_RESIDUAL = 0.5
-"""Residuals count up to this for the mean, so that outliers do not raise it."""
+MAX_RESIDUAL = 0.5  # Residuals count up to this for the mean, so that outliers do not raise it
 
 
 @dataclass(frozen=True)
 class FitConfig:
-    """How a mesh is fitted to its samples. Lengths are in mean edges.
+    """How a mesh is fitted to its samples. Lengths are in mean edges."""
 
-    Attributes:
-        stiffness: share of the identity in every vertex's normal matrix: unwillingness to slide within the surface.
-            Higher, and creases stay round; near 0 vertices without a crease drift.
-        step_limit: longest step of a vertex in one iteration; longer steps overshoot where the mesh is folded.
-        reach: samples farther from the surface do not belong to it.
-    """
-
+    # share of the identity in every vertex's normal matrix: unwillingness to slide within the surface.
+    # Higher, and creases stay round; near 0 vertices without a crease drift.
     stiffness: float = 0.03
+    # longest step of a vertex in one iteration; longer steps overshoot where the mesh is folded
     step_limit: float = 0.4
-    reach: float = 2.0
+    reach: float = 2.0  # samples farther from the surface do not belong to it
 
     def __post_init__(self) -> None:
         check_all_positive(self)

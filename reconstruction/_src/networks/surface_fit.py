@@ -16,8 +16,7 @@ from reconstruction._src.networks.least_squares import FitConfig, compute_chunk,
 from reconstruction._src.networks.som.compilation import half_octave_length, pad_rows, padded_length
 from reconstruction._src.networks.som.winners import find_winners
 
-_MIN_SAMPLES = 1024
-"""There is room for at least this many samples: smaller meshes share their programs."""
+_MIN_SAMPLES = 1024  # There is room for at least this many samples: smaller meshes share their programs
 _SAMPLES_PER_VERTEX = 4
 """Where few programs are to be compiled, there is room for one vertex for this many samples."""
 _MIN_DEPTH = 12

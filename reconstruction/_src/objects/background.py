@@ -10,43 +10,26 @@ from scipy import ndimage
 
 from reconstruction._src.scans.cloud import Cloud
 
-PATCH = 0.06
-"""Planes are sought among patches of this width [m]."""
-_MIN_PATCH = 6
-"""A patch with fewer points has no normal."""
-_FLATNESS = 0.03
-"""A patch is flat where the least variance is below this share of the middle one."""
-_COSINE = 0.94
-"""Normals of patches of one plane deviate by less than 20 degrees."""
-_NUM_TRIALS = 150
-"""Planes tried for each that is found."""
+PATCH = 0.06  # Planes are sought among patches of this width [m]
+_MIN_PATCH = 6  # A patch with fewer points has no normal
+_FLATNESS = 0.03  # A patch is flat where the least variance is below this share of the middle one
+_COSINE = 0.94  # Normals of patches of one plane deviate by less than 20 degrees
+_NUM_TRIALS = 150  # Planes tried for each that is found
 _MAX_PLANES = 60
-_RASTER = 0.06
-"""Connected parts of a plane are found on a raster of this width [m]."""
-_SPREAD = 2
-"""Parts of a plane grow by as many fields of the raster: patches at corners and rims are not flat."""
-_MAD = 1.4826
-"""From the median absolute deviation to the standard deviation of a normal distribution."""
-_COARSE = 0.03
-"""Half the thickness of a plane before the noise is known [m]."""
+_RASTER = 0.06  # Connected parts of a plane are found on a raster of this width [m]
+_SPREAD = 2  # Parts of a plane grow by as many fields of the raster: patches at corners and rims are not flat
+_MAD = 1.4826  # From the median absolute deviation to the standard deviation of a normal distribution
+_COARSE = 0.03  # Half the thickness of a plane before the noise is known [m]
 
 
 class Plane(NamedTuple):
-    """A large plane: normal · x = offset, and where it is.
+    """A large plane: normal · x = offset, and where it is."""
 
-    Attributes:
-        normal: `[3]`.
-        offset: [m].
-        axes: `[2, 3]` of the raster.
-        low: `[2]` corner of the raster, in its axes [m].
-        is_there: `[A, B]` which fields of the raster belong to it.
-    """
-
-    normal: Float[np.ndarray, " 3"]
-    offset: float
-    axes: Float[np.ndarray, "2 3"]
-    low: Float[np.ndarray, " 2"]
-    is_there: Bool[np.ndarray, "A B"]
+    normal: Float[np.ndarray, " 3"]  #
+    offset: float  # [m]
+    axes: Float[np.ndarray, "2 3"]  # of the raster
+    low: Float[np.ndarray, " 2"]  # corner of the raster, in its axes [m]
+    is_there: Bool[np.ndarray, "A B"]  # which fields of the raster belong to it
 
     def find_on(self, points: Float[np.ndarray, "N 3"], thickness: float) -> Bool[np.ndarray, " N"]:
         """Return which points are within half a thickness of the plane and on its fields [m]."""

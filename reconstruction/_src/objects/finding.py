@@ -41,26 +41,18 @@ if TYPE_CHECKING:
     import trimesh
 
 logger = logging.getLogger(__name__)
-_NUM_NEIGHBORS = 14
-"""Cells whose plane gives a normal."""
-_CERTAIN = 0.96
-"""With this score no further pose is tried in a region."""
-_PROMISING = 0.4
-"""With a lower score a region is given up."""
-_NUM_VERIFIED = 8
-"""Of the poses that were fitted, so many are verified."""
-_ROUGH_BEAMS = 250
-"""Beams that choose between poses; all of them decide about a find."""
-_THINNING = 1.25
-"""Points of a region are farther apart than the samples of the object by this factor."""
+_NUM_NEIGHBORS = 14  # Cells whose plane gives a normal
+_CERTAIN = 0.96  # With this score no further pose is tried in a region
+_PROMISING = 0.4  # With a lower score a region is given up
+_NUM_VERIFIED = 8  # Of the poses that were fitted, so many are verified
+_ROUGH_BEAMS = 250  # Beams that choose between poses; all of them decide about a find
+_THINNING = 1.25  # Points of a region are farther apart than the samples of the object by this factor
 _WORTH_TURNING = (_PROMISING, 0.65)
 """An object is turned about the best pose of a region twice, each time where the score is at least this."""
 _TAKEN = 0.5
 """A region is left out where an object was found whose center is nearer than this share of the radius."""
-_MAX_POINTS = 150
-"""More points of a region are not matched: the time grows with their square."""
-_FINAL_REACHES = (0.1, 0.08, 0.07, 0.07, 0.07)
-"""Of the last fit, to all cells of a region; see `align`."""
+_MAX_POINTS = 150  # More points of a region are not matched: the time grows with their square
+_FINAL_REACHES = (0.1, 0.08, 0.07, 0.07, 0.07)  # Of the last fit, to all cells of a region; see `align`
 _BLURRED = 0.25
 """An object is not searched where readings may be off it by more than this share of its radius: all would fit."""
 _APART = 0.8

@@ -16,8 +16,7 @@ from reconstruction._src.objects.model import SAMPLING, ObjectModel, compute_ang
 
 _SAME_PLACE, _SAME_ANGLE = 0.25, np.radians(20.0)
 """Poses nearer than this share of the radius, and this angle, are one hypothesis."""
-_SCENE_STEP = 1.0 / 4.0
-"""Every fourth point of the region votes for poses."""
+_SCENE_STEP = 1.0 / 4.0  # Every fourth point of the region votes for poses
 _MAX_POSES = 60
 _TRAINED = 600
 """Points of the object with which the detector is trained, at most: its time grows with their square."""
@@ -71,12 +70,10 @@ def _is_same(first: np.ndarray, second: np.ndarray, model: ObjectModel) -> bool:
 
 _REACHES = (0.4, 0.3, 0.2, 0.15, 0.1, 0.1, 0.07, 0.07)
 """Readings farther than this share of the radius are left out, one iteration after the other."""
-_MIN_NORMAL = 0.3
-"""A reading belongs to a face whose normal deviates from its own by less than 72 degrees."""
+_MIN_NORMAL = 0.3  # A reading belongs to a face whose normal deviates from its own by less than 72 degrees
 _DAMPING = 1e-3
 """Share of the mean diagonal that is added to the normal equations: readings of one plane leave three ways open."""
-_MAX_TURN = 0.5
-"""Largest turn of one iteration [rad]."""
+_MAX_TURN = 0.5  # Largest turn of one iteration [rad]
 
 
 def align(

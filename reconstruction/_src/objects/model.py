@@ -21,20 +21,16 @@ if TYPE_CHECKING:
 SPACING = 0.008
 """Readings are averaged in cells of this width for the search [m]. Wider: faster, and small parts of an
 object are lost. The verification uses every beam."""
-MIN_NOISE = 0.002
-"""Noise that is measured counts as no less [m]: the mesh of an object is not exact either."""
+MIN_NOISE = 0.002  # Noise that is measured counts as no less [m]: the mesh of an object is not exact either
 MIN_COVERAGE = 0.3
 """Share of the beams at the object that end on it; lower: objects that are hidden for a larger part are
 found, and more that are none."""
-MIN_BEAMS = 40
-"""Fewest beams that must end on an object."""
+MIN_BEAMS = 40  # Fewest beams that must end on an object
 PLANE_AREA = 2.5
 """A plane of this many times the largest side of the object's box is wall, floor or table top. It is not
 searched."""
-NUM_HYPOTHESES = 12
-"""As many poses of the library are refined in each region."""
-SAMPLING = 0.07
-"""Distance of the points of the object in the library's matching, as a share of its diameter."""
+NUM_HYPOTHESES = 12  # As many poses of the library are refined in each region
+SAMPLING = 0.07  # Distance of the points of the object in the library's matching, as a share of its diameter
 
 
 @dataclass(frozen=True)
@@ -68,8 +64,7 @@ _SAME_AXIS = np.cos(np.deg2rad(3.0))
 """Axes of inertia that deviate less from x, y or z than 3 degrees are taken as these."""
 _NUM_SAMPLES = 1500
 _FOLDS = (2, 3, 4, 6)
-_ROUND_STEPS = 36
-"""A body of revolution is taken as one with this many equal positions."""
+_ROUND_STEPS = 36  # A body of revolution is taken as one with this many equal positions
 
 
 def compute_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "S 3 3"]:
@@ -165,26 +160,17 @@ def _unique(rotations: list[np.ndarray]) -> list[np.ndarray]:
     return kept
 
 
-_NUM_STEPS = 36
-"""Fields along the longest side of the table: an eighteenth of the radius each, nearly."""
-REACH = 0.5
-"""The table reaches as far beyond the object, as a share of its radius."""
+_NUM_STEPS = 36  # Fields along the longest side of the table: an eighteenth of the radius each, nearly
+REACH = 0.5  # The table reaches as far beyond the object, as a share of its radius
 
 
 class NearestFaces(NamedTuple):
-    """The nearest face of each field of a grid.
+    """The nearest face of each field of a grid."""
 
-    Attributes:
-        low: `[3]` corner of the grid [m].
-        step: width of a field [m].
-        face: `[A, B, C]` index of the face that is nearest to the middle of a field.
-        distance: `[A, B, C]` from the middle to it [m].
-    """
-
-    low: Float[np.ndarray, " 3"]
-    step: float
-    face: Int[np.ndarray, "A B C"]
-    distance: Float[np.ndarray, "A B C"]
+    low: Float[np.ndarray, " 3"]  # corner of the grid [m]
+    step: float  # width of a field [m]
+    face: Int[np.ndarray, "A B C"]  # index of the face that is nearest to the middle of a field
+    distance: Float[np.ndarray, "A B C"]  # from the middle to it [m]
 
     def find(
         self, points: Float[np.ndarray, "K M 3"]
@@ -215,44 +201,29 @@ def make_nearest_faces(
     )
 
 
-MAX_FACES = 400
-"""Rays are cast at a mesh of no more faces than this."""
+MAX_FACES = 400  # Rays are cast at a mesh of no more faces than this
 NUM_SAMPLES = 1200
 _MIN_SIZE, _MAX_SIZE = 0.02, 5.0
 
 
 class ObjectModel(NamedTuple):
-    """A known object.
+    """A known object."""
 
-    Attributes:
-        name: what it is called.
-        vertices: `[V, 3]` of the mesh for rays and distances, in the object's frame [m].
-        faces: `[F, 3]` wound with the normals outwards.
-        normals: `[F, 3]` of the faces.
-        points: `[P, 3]` samples [m].
-        point_normals: `[P, 3]` normals at the samples.
-        center: `[3]` middle of its area [m].
-        radius: distance of the farthest vertex from it [m].
-        nearest: the face nearest to each place about the object.
-        spread: standard deviations of the samples along the principal axes, the smallest first [m].
-        largest_side: area of the largest side of the bounding box [m²].
-        turns: `[T, 3, 3]` rotations about the center that lead to poses the object could be mistaken in.
-        symmetries: `[S, 3, 3]` rotations about the center under which the object looks the same.
-    """
-
-    name: str
-    vertices: Float[np.ndarray, "V 3"]
-    faces: Int[np.ndarray, "F 3"]
-    normals: Float[np.ndarray, "F 3"]
-    points: Float[np.ndarray, "P 3"]
-    point_normals: Float[np.ndarray, "P 3"]
-    center: Float[np.ndarray, " 3"]
-    radius: float
-    nearest: NearestFaces
+    name: str  # what it is called
+    vertices: Float[np.ndarray, "V 3"]  # of the mesh for rays and distances, in the object's frame [m]
+    faces: Int[np.ndarray, "F 3"]  # wound with the normals outwards
+    normals: Float[np.ndarray, "F 3"]  # of the faces
+    points: Float[np.ndarray, "P 3"]  # samples [m]
+    point_normals: Float[np.ndarray, "P 3"]  # normals at the samples
+    center: Float[np.ndarray, " 3"]  # middle of its area [m]
+    radius: float  # distance of the farthest vertex from it [m]
+    nearest: NearestFaces  # the face nearest to each place about the object
+    # standard deviations of the samples along the principal axes, the smallest first [m]
     spread: Float[np.ndarray, " 3"]
-    largest_side: float
+    largest_side: float  # area of the largest side of the bounding box [m²]
+    # rotations about the center that lead to poses the object could be mistaken in
     turns: Float[np.ndarray, "T 3 3"]
-    symmetries: Float[np.ndarray, "S 3 3"]
+    symmetries: Float[np.ndarray, "S 3 3"]  # rotations about the center under which the object looks the same
 
 
 def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:

@@ -20,22 +20,15 @@ from reconstruction._src.scans.scan import ScanLog
 if TYPE_CHECKING:
     import trimesh
 
-_MAX_SAMPLES = 2_000_000
-"""A mesh is sampled with no more points than this."""
+_MAX_SAMPLES = 2_000_000  # A mesh is sampled with no more points than this
 
 
 class Cells(NamedTuple):
-    """Readings averaged in cells.
+    """Readings averaged in cells."""
 
-    Attributes:
-        points: `[C, 3]` means [m].
-        counts: `[C]` readings of each.
-        viewpoint: `[C]` index of a viewpoint that saw the cell; -1 where none is known.
-    """
-
-    points: Float[np.ndarray, "C 3"]
-    counts: Int[np.ndarray, " C"]
-    viewpoint: Int[np.ndarray, " C"]
+    points: Float[np.ndarray, "C 3"]  # means [m]
+    counts: Int[np.ndarray, " C"]  # readings of each
+    viewpoint: Int[np.ndarray, " C"]  # index of a viewpoint that saw the cell; -1 where none is known
 
 
 def read_scan(scan: Any, spacing: float, seed: int) -> tuple[Cloud, Float[np.ndarray, "N 3"] | None]:
@@ -79,24 +72,16 @@ def make_cells(cloud: Cloud, spacing: float) -> Cells:
     return Cells(sums / counts[:, None], counts, seen_from)
 
 
-_GAP = 2.5
-"""Cells closer than this many spacings belong together."""
-_MIN_EXTENT = 0.5
-"""What is smaller than this share of the object's radius is no part of it."""
-_MIN_SPREAD = 0.4
-"""Along each principal axis a region is as wide as this share of the object."""
+_GAP = 2.5  # Cells closer than this many spacings belong together
+_MIN_EXTENT = 0.5  # What is smaller than this share of the object's radius is no part of it
+_MIN_SPREAD = 0.4  # Along each principal axis a region is as wide as this share of the object
 
 
 class Region(NamedTuple):
-    """A part of the scan that may hold an object.
+    """A part of the scan that may hold an object."""
 
-    Attributes:
-        center: `[3]` [m].
-        rows: cells that are not background, within a diameter.
-    """
-
-    center: Float[np.ndarray, " 3"]
-    rows: Int[np.ndarray, " M"]
+    center: Float[np.ndarray, " 3"]  # [m]
+    rows: Int[np.ndarray, " M"]  # cells that are not background, within a diameter
 
 
 def find_regions(points: Float[np.ndarray, "C 3"], model: ObjectModel) -> list[Region]:

@@ -10,25 +10,17 @@ from jaxtyping import Bool, Float, Int
 from reconstruction._src.objects.model import ObjectModel, ObjectsConfig
 from reconstruction._src.scans.cloud import Cloud
 
-_CHUNK = 2_000_000
-"""Pairs of a beam and a face that are treated at once."""
+_CHUNK = 2_000_000  # Pairs of a beam and a face that are treated at once
 _PARALLEL = 1e-12
 
 
 class Beams(NamedTuple):
-    """Beams near a place.
+    """Beams near a place."""
 
-    Attributes:
-        rows: which readings.
-        origins: `[B, 3]` positions of the sensor [m].
-        directions: `[B, 3]` unit vectors.
-        ranges: `[B]` [m].
-    """
-
-    rows: Int[np.ndarray, " B"]
-    origins: Float[np.ndarray, "B 3"]
-    directions: Float[np.ndarray, "B 3"]
-    ranges: Float[np.ndarray, " B"]
+    rows: Int[np.ndarray, " B"]  # which readings
+    origins: Float[np.ndarray, "B 3"]  # positions of the sensor [m]
+    directions: Float[np.ndarray, "B 3"]  # unit vectors
+    ranges: Float[np.ndarray, " B"]  # [m]
 
     def near(self, center: Float[np.ndarray, " 3"], radius: float, most: int | None = None) -> Beams:
         """Return those whose lines pass a ball [m]; with more than `most` every second, third, ... of them."""
@@ -128,24 +120,16 @@ _POSE_ERROR = 0.003
 _MIN_COSINE = 0.25
 """Beams that meet the surface at a smaller cosine are treated as if they met it at this one."""
 
-_PART = 0.25
-"""Deviations are averaged over parts of the object of this share of its radius."""
+_PART = 0.25  # Deviations are averaged over parts of the object of this share of its radius
 
 
 class Verdict(NamedTuple):
-    """What the scan says about an object at a pose.
+    """What the scan says about an object at a pose."""
 
-    Attributes:
-        score: share of the beams that agree, of those that say something.
-        coverage: share of the beams at the object that end on it; what stands before it hides the others.
-        num_beams: beams that end on it.
-        error: standard deviation of their ranges from the object [m].
-    """
-
-    score: float
-    coverage: float
-    num_beams: int
-    error: float
+    score: float  # share of the beams that agree, of those that say something
+    coverage: float  # share of the beams at the object that end on it; what stands before it hides the others
+    num_beams: int  # beams that end on it
+    error: float  # standard deviation of their ranges from the object [m]
 
 
 def find_reach(model: ObjectModel) -> float:

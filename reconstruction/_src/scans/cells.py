@@ -11,54 +11,41 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans.mixed_pixels import find_flat
 
-_HASH_PRIMES = np.array([73856093, 19349663, 83492791])
-"""Of Teschner et al. 2003."""
+_HASH_PRIMES = np.array([73856093, 19349663, 83492791])  # Of Teschner et al. 2003.
 _COUNTERS_PER_POINT = 16
 """A cell shares its counter with another one with a probability of 1/16 at most, up to 260,000 points."""
-_MIN_TABLE_BITS, _MAX_TABLE_BITS = 12, 22
-"""Bounds of the size of the table: 4 million counters take 32 MB."""
-_MAX_CELLS = 2.0**62
-"""Numbers of cells are 64-bit integers."""
+_MIN_TABLE_BITS, _MAX_TABLE_BITS = 12, 22  # Bounds of the size of the table: 4 million counters take 32 MB
+_MAX_CELLS = 2.0**62  # Numbers of cells are 64-bit integers
 
 
 _POINTS_PER_CELL = 12
 """Points that share a cell in the mean, where there are enough. With 12, where the density is even, a point's
 cell holds fewer than 3 by chance in 1 of 5,000 cases (Poisson)."""
-_CELL_GROWTH = 1.5
-"""Factor by which the cells grow at a time; smaller is closer to `max_share`, and slower."""
-_MAX_GROWTH_STEPS = 24
-"""Most times that they grow; 24 times 1.5 is a factor of 17,000, the whole cloud."""
-_NUM_BISECTIONS = 8
-"""Steps of the search for the first cell; 8 leave it uncertain by 4 %."""
-_MAX_HALVINGS = 14
-"""The search begins between the extent of the cloud and this many halvings of it."""
-_SAMPLE_SIZE = 40000
-"""Points that the search counts, about: it bounds the time on large clouds."""
+_CELL_GROWTH = 1.5  # Factor by which the cells grow at a time; smaller is closer to `max_share`, and slower
+_MAX_GROWTH_STEPS = 24  # Most times that they grow; 24 times 1.5 is a factor of 17,000, the whole cloud
+_NUM_BISECTIONS = 8  # Steps of the search for the first cell; 8 leave it uncertain by 4 %
+_MAX_HALVINGS = 14  # The search begins between the extent of the cloud and this many halvings of it
+_SAMPLE_SIZE = 40000  # Points that the search counts, about: it bounds the time on large clouds
 _FLAT_NEIGHBORS = 10
 """Neighbors of which a sparse point is one plane with; below 8, points in the air look flat by chance."""
-_KEPT_SHARE = 0.5
-"""A sparse point stays, too, where more than this share of its neighbors do ..."""
+_KEPT_SHARE = 0.5  # A sparse point stays, too, where more than this share of its neighbors do ..
 _MAX_LONELINESS = 1.5
 """... and it is at most this many times farther from its neighbors than they from theirs."""
 
 
 @dataclass(frozen=True)
 class SparsePointsConfig:
-    """Which points count as isolated (`find_sparse_points`).
+    """Which points count as isolated (`find_sparse_points`)."""
 
-    Attributes:
-        threshold: a point is sparse where its cell holds fewer points than this. 2 finds single points, 3 pairs
-            as well.
-        max_share: largest share of the points that may be sparse, where `cell` is None: the cells grow until it
-            is met. An outdoor cloud, whose density falls with the distance, would lose what is far away
-            otherwise. 0 finds nothing.
-        flatness: a sparse point stays where its neighbors are as sparse as itself and lie on a plane: a far wall.
-            Their least variance over the largest is below this then; that of points in the air is 0.1 to 0.5. 0 keeps
-            none.
-    """
-
+    # a point is sparse where its cell holds fewer points than this. 2 finds single points, 3 pairs as well.
     threshold: int = 3
+    # largest share of the points that may be sparse, where `cell` is None: the cells grow until it is met. An
+    # outdoor cloud, whose density falls with the distance, would lose what is far away otherwise. 0 finds
+    # nothing.
     max_share: float = 0.03
+    # a sparse point stays where its neighbors are as sparse as itself and lie on a plane: a far wall. Their
+    # least variance over the largest is below this then; that of points in the air is 0.1 to 0.5. 0 keeps
+    # none.
     flatness: float = 0.04
 
     def __post_init__(self) -> None:

@@ -23,8 +23,7 @@ from reconstruction._src.base.extras import MissingExtraError, require_extras
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import recenter
 
-DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")
-"""Files that may hold a depth image."""
+DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")  # Files that may hold a depth image
 _POINT_BYTES = 24
 _AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rows: ahead, left and up in the frame of a camera (x right, y down, z ahead)."""

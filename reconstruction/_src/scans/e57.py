@@ -20,16 +20,14 @@ if TYPE_CHECKING:
     import pye57
 
 _POINT_BYTES = 24
-_CHUNK = 1_000_000
-"""Points that are read at once."""
+_CHUNK = 1_000_000  # Points that are read at once
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _INVALID = ("cartesianInvalidState", "sphericalInvalidState")
 """0 where a point can be used; 1: only its direction is known; 2: nothing is."""
 _COLORS = ("colorRed", "colorGreen", "colorBlue")
 _GRID = ("rowIndex", "columnIndex")
-_ROTATION_TOLERANCE = 1e-3
-"""How far the length of a quaternion may be from 1."""
+_ROTATION_TOLERANCE = 1e-3  # How far the length of a quaternion may be from 1
 
 
 class _Pose(NamedTuple):

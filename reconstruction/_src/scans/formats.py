@@ -29,8 +29,7 @@ DROPPED = "%s: dropped %d rows that are not finite or marked as noise, kept %d"
 """What is logged about a file with rows that cannot be used."""
 _GUESSED_UNITS = ("m", "cm", "mm")
 """Units that "auto" chooses from: feet and inches are too close to meters and centimeters."""
-_NUMBER_FORMAT = "%.9g"
-"""Nine digits: 10 micrometers at a kilometer."""
+_NUMBER_FORMAT = "%.9g"  # Nine digits: 10 micrometers at a kilometer
 
 
 def load_points(

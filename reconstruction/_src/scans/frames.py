@@ -31,8 +31,7 @@ to it [m]. At 1 km single precision is still a hundred times finer than a good s
 _MAX_EXTENTS = 1000.0
 """The same, in lengths of the cloud's longest side: at 1,000 of them single precision resolves 0.00006 of the
 cloud, finer than any network does. It moves small things far away."""
-_OFFSET_STEP = 1.0
-"""The offset is a multiple of this [m]. Whole meters are easy to add by hand."""
+_OFFSET_STEP = 1.0  # The offset is a multiple of this [m]. Whole meters are easy to add by hand.
 
 
 @dataclass(frozen=True)
@@ -58,15 +57,10 @@ class FrameConfig:
 
 @dataclass(frozen=True)
 class Frame:
-    """How coordinates of a file become meters with z up.
+    """How coordinates of a file become meters with z up."""
 
-    Attributes:
-        rotation: `[3, 3]` the file's axes -> ours.
-        factor: meters in a unit of the file, with a further scale.
-    """
-
-    rotation: Float[np.ndarray, "3 3"]
-    factor: float
+    rotation: Float[np.ndarray, "3 3"]  # the file's axes -> ours
+    factor: float  # meters in a unit of the file, with a further scale
 
     def place(self, positions: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
         """Return positions of the file in meters with z up."""

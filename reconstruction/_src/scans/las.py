@@ -18,21 +18,16 @@ from reconstruction._src.scans.point_rows import RawPoints, as_colors
 if TYPE_CHECKING:
     import laspy
 
-_CHUNK = 1_000_000
-"""Points unpacked at once: 30 to 70 MB."""
+_CHUNK = 1_000_000  # Points unpacked at once: 30 to 70 MB
 _MAGIC = b"LASF"
-_OLD_HEADER_BYTES, _HEADER_BYTES = 227, 375
-"""Bytes of the header of LAS 1.0 to 1.2, and of LAS 1.4."""
+_OLD_HEADER_BYTES, _HEADER_BYTES = 227, 375  # Bytes of the header of LAS 1.0 to 1.2, and of LAS 1.4
 _RECORD_BYTES, _EXTENDED_BYTES = 54, 60
 """Bytes of the header of a variable length record, and of an extended one."""
-_PACKED = 0x80
-"""Bit of the point format that says that the points are compressed."""
-_NOISE_CLASSES = (7, 18)
-"""LAS 1.4, table 17: low point (noise), high noise."""
+_PACKED = 0x80  # Bit of the point format that says that the points are compressed
+_NOISE_CLASSES = (7, 18)  # LAS 1.4, table 17: low point (noise), high noise
 _MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099
 """Keys of GeoTIFF 1.0: GTModelTypeGeoKey, ProjLinearUnitsGeoKey, VerticalUnitsGeoKey."""
-_DEGREES = 2
-"""Value of GTModelTypeGeoKey for longitude and latitude."""
+_DEGREES = 2  # Value of GTModelTypeGeoKey for longitude and latitude
 _GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
 """Values of the keys of units -> meters: meter, international foot, US survey foot."""
 _WKT_UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\["[^"]*"\s*,\s*([0-9.eE+-]+)')

@@ -19,46 +19,36 @@ _REFINEMENTS = (2.0, 1.0, 1.0, 1.0)
 _MIN_WEIGHT = 1e-3
 """Least sum of squared distances [m^2] that a declination is refined by: one reading at 3 cm."""
 _TINY = 1e-12
-_SHAKES = 5.5
-"""Tilts up to this many standard deviations of the sway are looked for."""
+_SHAKES = 5.5  # Tilts up to this many standard deviations of the sway are looked for
 _TILTS = (float(np.radians(2.0)), float(np.radians(8.0)))
 """Smallest and largest limit of the tilt [rad]: a standing robot may lean on its floor; ramps are steeper."""
-_UNKNOWN_TILT = float(np.radians(4.0))
-"""Limit of the tilt in logs of few scans [rad]."""
-_SAMPLE = 400
-"""About as many scans tell how much a robot sways."""
+_UNKNOWN_TILT = float(np.radians(4.0))  # Limit of the tilt in logs of few scans [rad]
+_SAMPLE = 400  # About as many scans tell how much a robot sways
 _NOISES, _LEAST_TOLERANCE = 3.0, 0.01
 """Readings off the line of the floor by this many standard deviations of the noise count, and by 1 cm [m]."""
 
 
-_NUM_BINS = 40
-"""Bins of declination between -max_tilt and max_tilt that readings vote for: 0.2 degrees each."""
+_NUM_BINS = 40  # Bins of declination between -max_tilt and max_tilt that readings vote for: 0.2 degrees each
 _MIN_DISTANCE = 0.2
 """Readings nearer than this to the robot's foot do not vote [m]: their direction is uncertain."""
-_FULL_WEIGHT_DISTANCE = 1.0
-"""A vote's weight grows with the distance from the foot up to this one [m]."""
-_HEIGHT_BIN = 0.02
-"""Bins of height [m] that the floor is found in, where a log has no `mount`."""
+_FULL_WEIGHT_DISTANCE = 1.0  # A vote's weight grows with the distance from the foot up to this one [m]
+_HEIGHT_BIN = 0.02  # Bins of height [m] that the floor is found in, where a log has no `mount`
 _HEIGHT_SHARE = 0.5
 """The floor is the lowest bin that holds at least this share of the readings in the fullest bin."""
-_HEIGHT_WINDOW = 5
-"""Bins above that one, itself included, of which the fullest is taken."""
+_HEIGHT_WINDOW = 5  # Bins above that one, itself included, of which the fullest is taken
 
 
 @dataclass(frozen=True)
 class LevelingConfig:
-    """How the floor is found in a scan (`estimate_declination`).
+    """How the floor is found in a scan (`estimate_declination`)."""
 
-    Attributes:
-        max_tilt: largest declination looked for [rad]; less than a ramp. None: several times the sway of the robot,
-            which is estimated from the log; 4 degrees where it has too few scans.
-        tolerance: largest distance of a reading from the line of the floor [m]: three times the noise of a common
-            scanner beyond 3 m.
-        max_slope: a scan plane is vertical where the vertical component of its normal is less than this.
-    """
-
+    # largest declination looked for [rad]; less than a ramp. None: several times the sway of the robot, which
+    # is estimated from the log; 4 degrees where it has too few scans.
     max_tilt: float | None = None
+    # largest distance of a reading from the line of the floor [m]: three times the noise of a common scanner
+    # beyond 3 m
     tolerance: float = 0.03
+    # a scan plane is vertical where the vertical component of its normal is less than this
     max_slope: float = 0.3
 
     def __post_init__(self) -> None:

@@ -18,16 +18,13 @@ from reconstruction._src.scans.scan_matching import (
 )
 from reconstruction._src.scans.smoothing import UNKNOWN_SHAKE, NoisePriors, estimate_shake
 
-_LEAST_VIBRATION = 1e-5
-"""A robot that does not sway keeps the weights finite [rad]."""
+_LEAST_VIBRATION = 1e-5  # A robot that does not sway keeps the weights finite [rad]
 
 
-_MATCH_ERROR = 0.001
-"""Standard deviation of the position of a scan matched to the final map [m]."""
+_MATCH_ERROR = 0.001  # Standard deviation of the position of a scan matched to the final map [m]
 _MIN_HEIGHT = 0.1
 """A horizontal scanner below this height [m] shows no pitch: its sway is less than the error of matching."""
-_MAX_PITCH = 0.1
-"""Largest sine of the pitch: more is a wrong match."""
+_MAX_PITCH = 0.1  # Largest sine of the pitch: more is a wrong match
 
 
 @dataclass(frozen=True)

@@ -79,15 +79,12 @@ CONVERTERS = {
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".dae")
 """Files that hold meshes; .ply and .obj also points alone."""
 _ALWAYS_MESHES = MESH_ENDINGS[2:]
-_ONE_SIZE = (".stl",)
-"""Files that repeat the vertices in every triangle."""
+_ONE_SIZE = (".stl",)  # Files that repeat the vertices in every triangle
 _GLTF = (".glb", ".gltf")
 _GLB_MAGIC, _GLB_HEADER = b"glTF", 20
 """A .glb begins with magic, version, length, and the length and kind of the JSON chunk: five numbers of 4 bytes."""
-_VALUE_BYTES = 64
-"""Most bytes of an element of a glTF accessor: a matrix of 16 floats."""
-_COLLADA_HEAD = 1 << 16
-"""Bytes at the beginning of a .dae that hold its unit and axes."""
+_VALUE_BYTES = 64  # Most bytes of an element of a glTF accessor: a matrix of 16 floats
+_COLLADA_HEAD = 1 << 16  # Bytes at the beginning of a .dae that hold its unit and axes
 _COLLADA_UP = re.compile(rb"<up_axis>\s*([XYZ])_UP")
 _COLLADA_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([0-9.eE+-]+)")
 

@@ -19,19 +19,12 @@ from reconstruction._src.scans.scan import ScanLog
 
 
 class Surroundings(NamedTuple):
-    """What the neighbors of some points show.
+    """What the neighbors of some points show."""
 
-    Attributes:
-        is_flat: whether a point lies with them on a plane, and is as sparse as they are.
-        is_alike: whether it is as sparse as they are.
-        neighbors: their indices.
-        normals: of the planes through them.
-    """
-
-    is_flat: Bool[np.ndarray, " S"]
-    is_alike: Bool[np.ndarray, " S"]
-    neighbors: Int[np.ndarray, "S K"]
-    normals: Float[np.ndarray, "S 3"]
+    is_flat: Bool[np.ndarray, " S"]  # whether a point lies with them on a plane, and is as sparse as they are
+    is_alike: Bool[np.ndarray, " S"]  # whether it is as sparse as they are
+    neighbors: Int[np.ndarray, "S K"]  # their indices
+    normals: Float[np.ndarray, "S 3"]  # of the planes through them
 
 
 def find_flat(
@@ -58,12 +51,9 @@ def find_flat(
     return Surroundings(is_flat, is_alike, neighbors[:, 1:], axes[:, :, 0])
 
 
-_MEDIAN_OF_NORMAL = 0.6745
-"""Median of |x| for x from the standard normal distribution."""
-_BEND_VARIANCE = 6
-"""Variance of q_(i+1) - 2 q_i + q_(i-1) over that of q: 1 + 4 + 1."""
-_SAME_SPACING = 1.01
-"""Spacings that differ by less are the same: angles come with rounding errors."""
+_MEDIAN_OF_NORMAL = 0.6745  # Median of |x| for x from the standard normal distribution
+_BEND_VARIANCE = 6  # Variance of q_(i+1) - 2 q_i + q_(i-1) over that of q: 1 + 4 + 1
+_SAME_SPACING = 1.01  # Spacings that differ by less are the same: angles come with rounding errors
 
 
 _STEP = 0.10
@@ -72,22 +62,17 @@ of the scanner (10.7 mm at 3 to 6 m)."""
 _STEP_SPACING = float(np.radians(0.5))
 """Beams at most this far apart [rad] have steps of `step`; for coarser scanners the step grows in proportion,
 as a surface at an angle does (`find_step`). Half a degree is the SICK LMS 200."""
-_JUMP = 0.03
-"""Height of the lowest edge, at range 0 [m]: several times the noise of a step."""
-_JUMP_PER_METER = 0.003
-"""Growth of that height with the range. 0.003 finds a ledge of 4 cm at 3 m."""
+_JUMP = 0.03  # Height of the lowest edge, at range 0 [m]: several times the noise of a step
+_JUMP_PER_METER = 0.003  # Growth of that height with the range. 0.003 finds a ledge of 4 cm at 3 m.
 _MAX_SHARE = 0.02
 """Largest share of the valid readings that may go because of jumps and clutter; veil points go in any case. 0
 leaves the veil points alone."""
 _MAX_EDGE_NOISE = 0.008
 """Noise of the readings [m] up to which `jump` and `jump_per_meter` apply; they grow in proportion with noise
 beyond it."""
-_MAX_NOISE_FACTOR = 3.0
-"""The most that they grow."""
-_NOISE_STRIDE = 8
-"""The noise is estimated from every n-th scan: a sample is enough, and n times as fast."""
-_CLUTTER_WINDOW = 9
-"""Beams of the window in which mixed readings are counted."""
+_MAX_NOISE_FACTOR = 3.0  # The most that they grow
+_NOISE_STRIDE = 8  # The noise is estimated from every n-th scan: a sample is enough, and n times as fast
+_CLUTTER_WINDOW = 9  # Beams of the window in which mixed readings are counted
 _CLUTTER_COUNT = 4
 """A window with this many mixed readings is clutter, its middle counts as mixed: two jumps (four readings)
 within nine beams are an edge along the scan plane."""
@@ -98,15 +83,13 @@ _MAX_GAP = 0.10
 """A mixed reading stays where no other is left within this [m], and it lies with its neighbors on a surface
 (`select_needed_beams`): walls far away, or at a low angle, step as edges do. As `step`: what is read less densely
 has such steps on any slanted surface."""
-_FLAT_NEIGHBORS = 10
-"""Neighbors that show whether it lies on one."""
+_FLAT_NEIGHBORS = 10  # Neighbors that show whether it lies on one
 _FLATNESS = 0.1
 """Their least variance over the largest, below which they do; noise of 2 cm at gaps of 10 cm gives 0.05."""
 _MIN_COSINE = 0.05
 """Least cosine between the beam and the normal of that plane. A veil along a straight edge lies in the beams:
 0. 0.05 are 3 degrees, a floor 1 m below the sensor 20 m away."""
-_MAX_LONELINESS = 1.5
-"""And they are as far from one another as it is from them, up to this factor."""
+_MAX_LONELINESS = 1.5  # And they are as far from one another as it is from them, up to this factor
 
 
 def find_mixed_beams(

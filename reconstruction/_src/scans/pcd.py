@@ -18,8 +18,7 @@ from reconstruction._src.scans import point_rows
 from reconstruction._src.scans.point_rows import RawPoints, as_colors, is_plausible_origin
 
 _NEEDED = ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA")
-_MIN_NUMBER_BYTES = 2
-"""A number in text takes a digit and a blank, at least."""
+_MIN_NUMBER_BYTES = 2  # A number in text takes a digit and a blank, at least
 _UNKNOWN_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Position and quaternion (w, x, y, z) that stand in a file whose writer does not know better."""
 _COLOR_FIELDS = ("rgb", "rgba")
@@ -28,31 +27,19 @@ _TYPES = {("F", 4), ("F", 8), *((kind, size) for kind in "IU" for size in (1, 2,
 
 
 class _Header(NamedTuple):
-    """The contents of a header.
+    """The contents of a header."""
 
-    Attributes:
-        num_points: `POINTS`.
-        num_columns: values of one point.
-        num_bytes: bytes of one point.
-        columns: columns of x, y, z and the color, where there is one, among the values.
-        offsets: their offsets in a point [bytes].
-        types: their types; that of the color is always a whole number.
-        has_float_color: whether the text of an ascii file writes the color's bytes as a floating point number.
-        viewpoint: position and quaternion (w, x, y, z) of the sensor, or None.
-        is_ordered: whether the points are the rows of one picture.
-        data: ascii, binary or binary_compressed.
-    """
-
-    num_points: int
-    num_columns: int
-    num_bytes: int
-    columns: list[int]
-    offsets: list[int]
-    types: list[str]
+    num_points: int  # `POINTS`
+    num_columns: int  # values of one point
+    num_bytes: int  # bytes of one point
+    columns: list[int]  # columns of x, y, z and the color, where there is one, among the values
+    offsets: list[int]  # their offsets in a point [bytes]
+    types: list[str]  # their types; that of the color is always a whole number
+    # whether the text of an ascii file writes the color's bytes as a floating point number
     has_float_color: bool
-    viewpoint: tuple[float, ...] | None
-    is_ordered: bool
-    data: str
+    viewpoint: tuple[float, ...] | None  # position and quaternion (w, x, y, z) of the sensor, or None
+    is_ordered: bool  # whether the points are the rows of one picture
+    data: str  # ascii, binary or binary_compressed
 
 
 def read_pcd(file: BoundedFile) -> RawPoints:

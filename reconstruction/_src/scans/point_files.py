@@ -33,8 +33,7 @@ from reconstruction._src.scans.scan import ScanLog
 from reconstruction._src.scans.scan_3dtk import to_right_handed
 from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 
-_MIN_POINTS = 3
-"""Fewer points span no plane."""
+_MIN_POINTS = 3  # Fewer points span no plane
 
 
 def read_raw(path: Path, max_bytes: float) -> RawPoints:
@@ -140,8 +139,7 @@ def find_log_points(log: ScanLog) -> RawPoints:
     return RawPoints(log.points(), log.point_colors, positions[first[order]], seen_from, meters=1.0, up="z")
 
 
-_NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")
-"""Arrays of an .npz that go with its array ``points``."""
+_NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")  # Arrays of an .npz that go with its array ``points``
 _PACKINGS = (".gz", ".bz2")
 _READERS: dict[str, Callable[[BoundedFile], RawPoints]] = {
     ".xyz": read_text,

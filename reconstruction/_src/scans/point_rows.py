@@ -17,10 +17,8 @@ from reconstruction._src.base.errors import ReconstructionError, ScanError
 FLATNESS = 1e-6
 """A cloud thinner than this share of its length in two directions is a line: far below the noise of any scanner, and
 above the rounding errors of single precision."""
-_MIN_POINTS = 4
-"""A tetrahedron: fewer points span no closed surface."""
-_MAX_COORDINATE = 1e100
-"""No length; and products of three larger coordinates overflow."""
+_MIN_POINTS = 4  # A tetrahedron: fewer points span no closed surface
+_MAX_COORDINATE = 1e100  # No length; and products of three larger coordinates overflow
 _SAME_PLACE = 1e-12
 """Extent of a cloud over its coordinates, below which rounding errors are all there is of it."""
 
@@ -94,27 +92,16 @@ _MAX_BYTE, _MAX_SHORT = 255, 65535
 
 
 class RawPoints(NamedTuple):
-    """The points of a file in its own frame and unit.
+    """The points of a file in its own frame and unit."""
 
-    Attributes:
-        points: `[N, 3]`, rows may hold nan.
-        colors: `[N, 3]` red, green and blue from 0 to 255, or None.
-        viewpoints: `[K, 3]` positions of the sensor, or None.
-        seen_from: `[N]` index of the viewpoint of each point, or None.
-        meters: meters in a unit of the file, or None where the file does not say.
-        has_fixed_unit: the format has this unit, and no other.
-        up: the axis that points up ("x", "-x", ...), or None where the file does not say.
-        num_ignored: points that the file itself marks as unusable; they are left out.
-    """
-
-    points: Float[np.ndarray, "N 3"]
-    colors: UInt8[np.ndarray, "N 3"] | None = None
-    viewpoints: Float[np.ndarray, "K 3"] | None = None
-    seen_from: Int[np.ndarray, " N"] | None = None
-    meters: float | None = None
-    has_fixed_unit: bool = False
-    up: str | None = None
-    num_ignored: int = 0
+    points: Float[np.ndarray, "N 3"]  # rows may hold nan
+    colors: UInt8[np.ndarray, "N 3"] | None = None  # red, green and blue from 0 to 255, or None
+    viewpoints: Float[np.ndarray, "K 3"] | None = None  # positions of the sensor, or None
+    seen_from: Int[np.ndarray, " N"] | None = None  # index of the viewpoint of each point, or None
+    meters: float | None = None  # meters in a unit of the file, or None where the file does not say
+    has_fixed_unit: bool = False  # the format has this unit, and no other
+    up: str | None = None  # the axis that points up ("x", "-x", ...), or None where the file does not say
+    num_ignored: int = 0  # points that the file itself marks as unusable; they are left out
 
 
 def as_colors(values: Num[np.ndarray, "N 3"]) -> UInt8[np.ndarray, "N 3"] | None:
@@ -148,19 +135,15 @@ def is_plausible_origin(points: Float[np.ndarray, "N 3"]) -> bool:
     return bool(np.linalg.norm(outside) <= np.linalg.norm(high - low))
 
 
-COLORS = ("red", "green", "blue")
-"""Names of the columns of a point's color."""
+COLORS = ("red", "green", "blue")  # Names of the columns of a point's color
 _POINT_BYTES = 3 * np.dtype(np.float64).itemsize
 _MAX_LINE = 1 << 20
 """Longest line of a text file and largest record of a binary one [characters, bytes]: no point has more fields."""
-_MAX_HEADER = 1 << 20
-"""Longest text before binary data [bytes]: parsed, it takes many times that in memory."""
-_BLOCK_LINES = 50_000
-"""Lines that are parsed at once, where they are short: larger blocks are no faster."""
+_MAX_HEADER = 1 << 20  # Longest text before binary data [bytes]: parsed, it takes many times that in memory
+_BLOCK_LINES = 50_000  # Lines that are parsed at once, where they are short: larger blocks are no faster
 _BLOCK_CHARACTERS = 1 << 22
 """Characters that are parsed at once: as many numbers take twenty times that in memory."""
-_MAX_DIGITS = 19
-"""Digits of the largest 64-bit number: no file has more points."""
+_MAX_DIGITS = 19  # Digits of the largest 64-bit number: no file has more points
 
 
 def check_num_points(file: BoundedFile, num_points: int) -> None:

@@ -175,18 +175,15 @@ def remove_mixed_pixels(
     return log.replace(ranges=ranges)
 
 
-NUM_NEIGHBORS = 8
-"""Readings around a reading that measure the spacing there."""
+NUM_NEIGHBORS = 8  # Readings around a reading that measure the spacing there
 REACH = 2.0
 """A reading is lost where no point is nearer than this many spacings: thinning and smoothing lose none."""
 MIN_REACH = 0.01
 """Nor is it lost where a point is nearer than this [m]: smoothing moves near readings by more than their spacing."""
-NEAREST = 1.0
-"""Upper limit of the first interval of ranges [m]; each following one reaches twice as far."""
+NEAREST = 1.0  # Upper limit of the first interval of ranges [m]; each following one reaches twice as far
 MIN_TOLD = 0.002
 """Ranges with a smaller share of the readings are not told as the worst: a few readings are soon lost."""
-SAMPLE_SIZE = 200_000
-"""Larger scans are judged by about so many of their readings."""
+SAMPLE_SIZE = 200_000  # Larger scans are judged by about so many of their readings
 
 
 @dataclass(frozen=True)
@@ -207,15 +204,10 @@ class RangeShare:
 
 @dataclass(frozen=True)
 class Dropped:
-    """The readings that no point is left for.
+    """The readings that no point is left for."""
 
-    Attributes:
-        share: of all readings.
-        by_range: the same by range from the sensor; empty where its position is unknown.
-    """
-
-    share: float
-    by_range: tuple[RangeShare, ...]
+    share: float  # of all readings
+    by_range: tuple[RangeShare, ...]  # the same by range from the sensor; empty where its position is unknown
 
     def __str__(self) -> str:
         total = sum(part.num_readings for part in self.by_range)

@@ -17,40 +17,27 @@ from reconstruction._src.scans.slip_readings import SlipReadings
 Array = NDArray[np.float64]
 
 
-_RIGID_TOLERANCE = 1e-3
-"""Largest error of R R^T - 1: poses may come from text with four digits."""
+_RIGID_TOLERANCE = 1e-3  # Largest error of R R^T - 1: poses may come from text with four digits
 
 
 @dataclass(frozen=True, eq=False)
 class HorizontalScans:
-    """Readings for the localization: a horizontal scanner and wheel odometry, one row a vertical scan.
+    """Readings for the localization: a horizontal scanner and wheel odometry, one row a vertical scan."""
 
-    Attributes:
-        ranges: [m]; nan: no return.
-        angles: [rad], 0 ahead, counter-clockwise seen from above.
-        mount: scanner -> robot.
-        odometry: x, y [m] and yaw [rad] from wheel odometry, from the start pose on.
-        start: x, y [m] and yaw [rad] of the robot in the world at its first scan (a mark on the ground).
-    """
-
-    ranges: Float[np.ndarray, "*axes"]
-    angles: Float[np.ndarray, " C"]
-    mount: Float[np.ndarray, "*axes"]
-    odometry: Float[np.ndarray, "*axes"]
+    ranges: Float[np.ndarray, "*axes"]  # [m]; nan: no return
+    angles: Float[np.ndarray, " C"]  # [rad], 0 ahead, counter-clockwise seen from above
+    mount: Float[np.ndarray, "*axes"]  # scanner -> robot
+    odometry: Float[np.ndarray, "*axes"]  # x, y [m] and yaw [rad] from wheel odometry, from the start pose on
+    # x, y [m] and yaw [rad] of the robot in the world at its first scan (a mark on the ground)
     start: Float[np.ndarray, " 3"]
 
 
 @dataclass(frozen=True, eq=False)
 class ScanTruth:
-    """Ground truth of a simulated log, to measure errors; no step of the processing reads it.
+    """Ground truth of a simulated log, to measure errors; no step of the processing reads it."""
 
-    Attributes:
-        robot_poses: robot -> world, with all vibration.
-        is_mixed: the beam met an edge and returned a mix of two surfaces.
-    """
-
-    robot_poses: Float[np.ndarray, "S 4 4"]
-    is_mixed: Bool[np.ndarray, "S B"]
+    robot_poses: Float[np.ndarray, "S 4 4"]  # robot -> world, with all vibration
+    is_mixed: Bool[np.ndarray, "S B"]  # the beam met an edge and returned a mix of two surfaces
 
 
 @dataclass(frozen=True, eq=False, repr=False)

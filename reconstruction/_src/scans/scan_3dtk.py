@@ -20,8 +20,7 @@ from reconstruction._src.scans.text_points import read_text
 _AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rows: ahead, left and up in 3DTK's coordinates."""
 _UNITS_PER_METER = 100.0
-_MAX_POSE_BYTES = 10_000
-"""Largest .pose: it holds six numbers."""
+_MAX_POSE_BYTES = 10_000  # Largest .pose: it holds six numbers
 _NEW_SWEEP = -np.pi / 4
 """Change of the angle within the sweep [rad] that begins a new one: beams of one sweep turn the other way."""
 

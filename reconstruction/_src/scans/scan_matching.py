@@ -27,62 +27,42 @@ from reconstruction._src.scans.smoothing import estimate_slip
 if TYPE_CHECKING:
     from small_gicp import KdTree, PointCloud
 
-_PLANAR = [3, 4, 2]
-"""x, y and the turn about z among the six parameters of a match (turns first)."""
-_FIRST_PASS, _SETTLING = 0.4, 0.3
-"""Shares of the time, for the progress."""
-_PROGRESS_INTERVAL = 50
-"""Scans between two reports of progress."""
+_PLANAR = [3, 4, 2]  # x, y and the turn about z among the six parameters of a match (turns first)
+_FIRST_PASS, _SETTLING = 0.4, 0.3  # Shares of the time, for the progress
+_PROGRESS_INTERVAL = 50  # Scans between two reports of progress
 
 
-_NUM_ROUNDS = 8
-"""Times that the map is made again from the matched scans; its loop closes in 8."""
-_KEY_DISTANCE = 0.4
-"""A scan becomes part of the map where the robot has gone on by this [m] ..."""
-_KEY_ANGLE = 0.35
-"""... or has turned by this [rad]."""
-_MAX_KEYS = 400
-"""Scans that the final map is made of, about: more take longer and change little."""
+_NUM_ROUNDS = 8  # Times that the map is made again from the matched scans; its loop closes in 8
+_KEY_DISTANCE = 0.4  # A scan becomes part of the map where the robot has gone on by this [m] ..
+_KEY_ANGLE = 0.35  # ... or has turned by this [rad].
+_MAX_KEYS = 400  # Scans that the final map is made of, about: more take longer and change little
 _FIRST_REACH = 0.15
 """Largest distance of a reading from its wall in the first pass [m]: the error of the odometry between two
 scans and of the map so far."""
-_REACH = 0.06
-"""The same in later passes, where poses are good to centimeters [m]."""
-_MAP_CELL = 0.03
-"""Edge of the cells in which the readings of the map are averaged [m]."""
-_LINE_REACH = 0.15
-"""Points of the map within this distance [m] make a line."""
-_LINE_POINTS = 12
-"""Points that make a line, where the noise is at most `_LINE_NOISE`."""
+_REACH = 0.06  # The same in later passes, where poses are good to centimeters [m]
+_MAP_CELL = 0.03  # Edge of the cells in which the readings of the map are averaged [m]
+_LINE_REACH = 0.15  # Points of the map within this distance [m] make a line
+_LINE_POINTS = 12  # Points that make a line, where the noise is at most `_LINE_NOISE`
 _LINE_NOISE = 0.012
 """Noise of the readings [m] up to which walls are lines of `_LINE_POINTS`; noisier ones take more in
 proportion."""
 _MAX_FLATNESS = 0.05
 """Points are on a line where their variance across it is less than this share of that along it."""
-_MIN_LINE_READINGS = 3
-"""Readings that a line has at least."""
-_MIN_MAP_POINTS = 20
-"""A map of fewer points is not used."""
-_LAYER_HEIGHT = 0.04
-"""The map has three layers, this far apart [m], so that a wall is a plane in 3-D as well."""
-_NORMAL_POINTS = 15
-"""Points that the normal of the map's planes is found from."""
-_JUMP = 0.03
-"""See `find_jumps` [m]: readings on both sides of an edge are not used."""
-_JUMP_PER_METER = 0.004
-"""See `find_jumps`."""
+_MIN_LINE_READINGS = 3  # Readings that a line has at least
+_MIN_MAP_POINTS = 20  # A map of fewer points is not used
+_LAYER_HEIGHT = 0.04  # The map has three layers, this far apart [m], so that a wall is a plane in 3-D as well
+_NORMAL_POINTS = 15  # Points that the normal of the map's planes is found from
+_JUMP = 0.03  # See `find_jumps` [m]: readings on both sides of an edge are not used
+_JUMP_PER_METER = 0.004  # See `find_jumps`
 _READING_NOISE = 0.05
 """Standard deviation of a reading in a match [m]: more than its noise, as the errors of neighbors are
 correlated."""
 _GUESS_INFORMATION = np.diag([0.01**-2, 0.01**-2, 0.02**-2])
 """Inverse covariance of the pose a match starts from, 0.01 m and 0.02 rad; it holds where walls in view leave a
 direction open."""
-_MAX_ITERATIONS = 15
-"""Largest number of iterations of a match."""
-_TRANSLATION_TOLERANCE = 0.0001
-"""A match has converged where it moves the scan by less than this [m] ..."""
-_ROTATION_TOLERANCE = 1e-05
-"""... and turns it by less than this [rad]."""
+_MAX_ITERATIONS = 15  # Largest number of iterations of a match
+_TRANSLATION_TOLERANCE = 0.0001  # A match has converged where it moves the scan by less than this [m] ..
+_ROTATION_TOLERANCE = 1e-05  # ... and turns it by less than this [rad].
 
 
 class _Map(NamedTuple):
@@ -244,16 +224,14 @@ def _align(
 
 _MIN_VARIANCE = 1e-10
 """Of a step [m^2]: where the robot stands still, its wheels err by 0.01 mm, which keeps the weights finite."""
-_UNKNOWN_SWAY = 0.005
-"""Sway of a scanner where too few scans tell [m]: 1 degree at 0.3 m."""
+_UNKNOWN_SWAY = 0.005  # Sway of a scanner where too few scans tell [m]: 1 degree at 0.3 m
 _MIN_SQUARED_WAY = 1e-6
 """Least sum of squared ways [m^2] that a scale is found from: a robot that stands still has none."""
 
 
 _YAW_NOISE = 0.0006
 """Standard deviation of the matched yaw [rad], in a room of 10 m; smaller ones trust the matches more."""
-_TURN_WAY = 0.2
-"""Way [m] that a turn of one radian counts as: the radius that the wheels turn on."""
+_TURN_WAY = 0.2  # Way [m] that a turn of one radian counts as: the radius that the wheels turn on
 _CALIBRATION_WINDOW = 20
 """Scans between the poses whose distances are compared to calibrate the wheels: many, as matched and counted
 ways differ by the sway over a few."""

@@ -19,15 +19,12 @@ thirtieth of it count as separate; more cells tear what a scanner sees only spar
 _POINTS_PER_CELL = 12
 """Where points share their cell with fewer than this in the mean, cells are made larger: smaller ones would be
 empty by chance."""
-_MIN_POINTS = 3
-"""Points of an occupied cell; fewer are a stray reading, or a glimpse through a window."""
-_MIN_SHARE = 0.05
-"""Parts with at least this share of the points are kept."""
+_MIN_POINTS = 3  # Points of an occupied cell; fewer are a stray reading, or a glimpse through a window
+_MIN_SHARE = 0.05  # Parts with at least this share of the points are kept
 _REFINE_BELOW = 0.125
 """Where the rest is shorter than this share of the cloud, the cells were too large for it, and the search is
 repeated inside. 1/8 is four cells of 32."""
-_MAX_STEPS = 12
-"""Most repetitions; each divides the size by 8 at least."""
+_MAX_STEPS = 12  # Most repetitions; each divides the size by 8 at least
 
 
 @overload

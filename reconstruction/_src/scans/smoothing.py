@@ -14,25 +14,19 @@ from reconstruction._src.scans.scan import ScanLog
 
 @dataclass(frozen=True)
 class SmoothingConfig:
-    """How readings are averaged with their neighbors (`smooth_ranges`).
+    """How readings are averaged with their neighbors (`smooth_ranges`)."""
 
-    Attributes:
-        window: number of readings, odd; 1 changes nothing. 5 is the paper's.
-        across_jumps: the paper's mean: over jumps and creases, arithmetic.
-        jump: height of the lowest edge that ends the window, at range 0 [m]; see `find_jumps`. Several times the
-            noise of a step between two beams (10 to 15 mm).
-        jump_per_meter: its growth with the range, as that of the noise and of the distance between beams.
-        crease: least bend of a surface that ends the window, at range 0 [m]; see `find_creases`. Several times the
-            noise of the bend.
-        crease_per_meter: its growth with the range.
-    """
-
-    window: int = 5
-    across_jumps: bool = False
+    window: int = 5  # number of readings, odd; 1 changes nothing. 5 is the paper's.
+    across_jumps: bool = False  # the paper's mean: over jumps and creases, arithmetic
+    # height of the lowest edge that ends the window, at range 0 [m]; see `find_jumps`. Several times the
+    # noise of a step between two beams (10 to 15 mm).
     jump: float = 0.03
+    # its growth with the range, as that of the noise and of the distance between beams
     jump_per_meter: float = 0.004
+    # least bend of a surface that ends the window, at range 0 [m]; see `find_creases`. Several times the
+    # noise of the bend.
     crease: float = 0.03
-    crease_per_meter: float = 0.004
+    crease_per_meter: float = 0.004  # its growth with the range
 
     def __post_init__(self) -> None:
         if self.window < 1 or self.window % 2 == 0:
@@ -149,13 +143,11 @@ LEAST_SCANS = 100
 UNKNOWN_SLIP = 0.01
 """Error of the wheels after one meter where nothing is known [m]: tracks on carpet or gravel; wheels on a hard floor
 slip less, and are trusted too little then."""
-UNKNOWN_SHAKE = float(np.radians(1.0))
-"""Sway where nothing is known [rad]."""
+UNKNOWN_SHAKE = float(np.radians(1.0))  # Sway where nothing is known [rad]
 _LAGS = (5, 10, 20, 40)
 """Scans between the poses whose differences are compared: beyond the memory of the sway, and short enough that there
 are many."""
-_GAUSSIAN = 1.4826
-"""Standard deviation of a normal distribution in median absolute deviations."""
+_GAUSSIAN = 1.4826  # Standard deviation of a normal distribution in median absolute deviations
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
 from reconstruction._src.scans.point_rows import RawPoints, as_colors
 
-_COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"))
-"""Titles of the columns of a color."""
+_COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"))  # Titles of the columns of a color
 _COLOR_COLUMNS = {6: (3, 4, 5), 7: (4, 5, 6)}
 """Where colors stand in rows without titles: x y z r g b, and x y z intensity r g b as in .pts."""
 _VTK_TYPES = {
@@ -25,10 +24,8 @@ _VTK_TYPES = {
     "short": ">i2",
     "unsigned_char": ">u1",
 }
-_COLORED_VERTEX = 7
-"""Words of a line `v x y z r g b`."""
-_MIN_POINT_BYTES = 6
-"""Three digits and three blanks."""
+_COLORED_VERTEX = 7  # Words of a line `v x y z r g b`
+_MIN_POINT_BYTES = 6  # Three digits and three blanks
 
 
 def read_text(file: BoundedFile) -> RawPoints:

@@ -15,10 +15,8 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.scans.cloud import Cloud
 
-WHITE = 255
-"""The largest value of a channel in bytes."""
-_TINY = 1e-30
-"""Keeps weights finite where a point lies on a place [1/m²]."""
+WHITE = 255  # The largest value of a channel in bytes
+_TINY = 1e-30  # Keeps weights finite where a point lies on a place [1/m²]
 
 
 _NEIGHBORS = 6
@@ -30,8 +28,7 @@ point that a place lies on, large values the plain mean."""
 _CONTRAST = 0.1
 """A point whose color differs from that of the nearest one by this, in the root of the mean square of the
 channels (of 1), weighs e^-1/2 as much: several times a camera's noise, so that edges stay sharp."""
-_BEHIND = 1e-6
-"""Weight of a point that was seen from behind the place, as the far side of a thin wall is."""
+_BEHIND = 1e-6  # Weight of a point that was seen from behind the place, as the far side of a thin wall is
 
 
 class ColorSource:
@@ -132,26 +129,17 @@ def interpolate_colors(
     return np.einsum("nc,nci->ni", weights, colors[faces[face]].astype(np.float64))
 
 
-Paint = Callable[[Float[np.ndarray, "N 3"]], ArrayLike]
-"""Returns the colors of positions [m], 0 to 1."""
-_EDGE_STEP = 0.1
-"""A change of a channel by more than this is an edge, of 1."""
+Paint = Callable[[Float[np.ndarray, "N 3"]], ArrayLike]  # Returns the colors of positions [m], 0 to 1
+_EDGE_STEP = 0.1  # A change of a channel by more than this is an edge, of 1
 
 
 class ColorError(NamedTuple):
-    """How far the colors of a surface are from the true ones; of 1, over red, green and blue.
+    """How far the colors of a surface are from the true ones; of 1, over red, green and blue."""
 
-    Attributes:
-        rmse: root of the mean square, away from the edges of the true colors.
-        p95: 95th percentile of the absolute difference there.
-        rmse_everywhere: with the edges.
-        away: share of the samples that are away from edges.
-    """
-
-    rmse: float
-    p95: float
-    rmse_everywhere: float
-    away: float
+    rmse: float  # root of the mean square, away from the edges of the true colors
+    p95: float  # 95th percentile of the absolute difference there
+    rmse_everywhere: float  # with the edges
+    away: float  # share of the samples that are away from edges
 
 
 def measure_color_error(

@@ -21,8 +21,7 @@ from reconstruction._src.geometry.manifold import (
 )
 from reconstruction._src.geometry.rows import all_corners, any_corner, compute_lengths, cross_rows, sum_rows
 
-_SHORTEST = 1e-300
-"""Divided by instead of 0: the normal of a face without area is 0."""
+_SHORTEST = 1e-300  # Divided by instead of 0: the normal of a face without area is 0
 
 
 _MIN_ANGLE = np.deg2rad(30)
@@ -31,10 +30,8 @@ across a crease more."""
 _MIN_GAIN = 1e-3
 """Share of the curvature around an edge that a flip must save: above the rounding of floats, so that no edge
 flips to and fro."""
-_MIN_CORNER_SINE = 0.1
-"""New faces have no corner sharper than this, about 6 degrees."""
-_MAX_ROUNDS = 8
-"""The search ends after this many, also where edges still wait for each other."""
+_MIN_CORNER_SINE = 0.1  # New faces have no corner sharper than this, about 6 degrees
+_MAX_ROUNDS = 8  # The search ends after this many, also where edges still wait for each other
 
 
 def flip_edges(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "F 3"]:

@@ -20,24 +20,15 @@ from reconstruction._src.geometry.sampling import choose_viewpoints
 
 _NEIGHBORS = 16
 """The spacing at a reading is its distance from this neighbor: nearer ones are all of one scan line."""
-_REACH = 2.0
-"""A place is far at this many spacings from the nearest reading."""
-_PLANE_REACH = 4.0
-"""... or this many where the surface goes on in the plane of the readings around."""
-_SEEN_REACH = 1.0
-"""... or this many where the scanner looked through it."""
-_SLOPE = 0.1
-"""The surface goes on in a plane where it leaves it by no more than this share of the distance."""
-_AROUND = 8
-"""So many readings around tell the plane, and so many beams whether the scanner looked through."""
-_MARGIN = 0.1
-"""Beams that end farther than the place by more than this share of its range looked through it."""
-_SHARE = 0.5
-"""A face is far where this share of its samples is."""
-_PROBES = 500
-"""Places whose spacings give the least spacing of the cloud: their median."""
-_MOST_VIEWPOINTS = 16
-"""Beams from these viewpoints are looked at: those with most readings."""
+_REACH = 2.0  # A place is far at this many spacings from the nearest reading
+_PLANE_REACH = 4.0  # ... or this many where the surface goes on in the plane of the readings around.
+_SEEN_REACH = 1.0  # ... or this many where the scanner looked through it.
+_SLOPE = 0.1  # The surface goes on in a plane where it leaves it by no more than this share of the distance
+_AROUND = 8  # So many readings around tell the plane, and so many beams whether the scanner looked through
+_MARGIN = 0.1  # Beams that end farther than the place by more than this share of its range looked through it
+_SHARE = 0.5  # A face is far where this share of its samples is
+_PROBES = 500  # Places whose spacings give the least spacing of the cloud: their median
+_MOST_VIEWPOINTS = 16  # Beams from these viewpoints are looked at: those with most readings
 
 
 _CORNERS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3], [6], [6], [6]])
@@ -45,47 +36,28 @@ _CORNERS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3
 
 
 class SeenPoints(NamedTuple):
-    """Readings of a surface.
+    """Readings of a surface."""
 
-    Attributes:
-        points: [m].
-        viewpoints: positions of the sensor [m]; None: unknown.
-        seen_from: viewpoint of every point; None: unknown.
-    """
-
-    points: Float[np.ndarray, "N 3"]
-    viewpoints: Float[np.ndarray, "K 3"] | None = None
-    seen_from: Int[np.ndarray, " N"] | None = None
+    points: Float[np.ndarray, "N 3"]  # [m]
+    viewpoints: Float[np.ndarray, "K 3"] | None = None  # positions of the sensor [m]; None: unknown
+    seen_from: Int[np.ndarray, " N"] | None = None  # viewpoint of every point; None: unknown
 
 
 class FarFaces(NamedTuple):
-    """Which faces lie far from every reading.
+    """Which faces lie far from every reading."""
 
-    Attributes:
-        is_far: of every face.
-        spacing: least spacing of the readings that this was found with [m]; 0 where there were too few.
-    """
-
-    is_far: Bool[np.ndarray, " F"]
-    spacing: float
+    is_far: Bool[np.ndarray, " F"]  # of every face
+    spacing: float  # least spacing of the readings that this was found with [m]; 0 where there were too few
 
 
 class CutMesh(NamedTuple):
-    """A mesh without the faces that were far from every reading.
+    """A mesh without the faces that were far from every reading."""
 
-    Attributes:
-        vertices: those with a face [m].
-        faces: in their old order.
-        num_faces: so many were cut off ...
-        area: ... with this area [m²] ...
-        share: ... and this share of all area.
-    """
-
-    vertices: Float[np.ndarray, "V 3"]
-    faces: Int[np.ndarray, "F 3"]
-    num_faces: int = 0
-    area: float = 0.0
-    share: float = 0.0
+    vertices: Float[np.ndarray, "V 3"]  # those with a face [m]
+    faces: Int[np.ndarray, "F 3"]  # in their old order
+    num_faces: int = 0  # so many were cut off ..
+    area: float = 0.0  # ... with this area [m²] ...
+    share: float = 0.0  # ... and this share of all area.
 
 
 def cut_far_faces(

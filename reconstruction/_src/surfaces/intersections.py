@@ -26,8 +26,7 @@ SHRINKAGE = 1e-6
 tested: so they intersect only where they meet elsewhere, too. Far above the rounding of floats, far below any gap."""
 MOST_BOXES = 1 << 18
 """Up to this many pairs of boxes are compared one by one; for more, trees are faster. It changes the time alone."""
-_SHORTEST = 1e-300
-"""Taken for 0 where a logarithm is."""
+_SHORTEST = 1e-300  # Taken for 0 where a logarithm is
 
 
 def find_folded_edges(

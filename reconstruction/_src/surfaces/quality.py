@@ -15,52 +15,32 @@ from reconstruction._src.surfaces.intersections import find_folded_edges, find_i
 
 NUM_AREA_SAMPLES = 50_000
 """Points drawn on a surface to measure its distance to another: standard error below 1 % of the mean."""
-SLIVER_ANGLE = np.deg2rad(10)
-"""A face with a smaller angle is a sliver."""
+SLIVER_ANGLE = np.deg2rad(10)  # A face with a smaller angle is a sliver
 
 
 @dataclass(frozen=True)
 class Distances:
-    """Distances from many points to one surface, in meters.
+    """Distances from many points to one surface, in meters."""
 
-    Attributes:
-        mean: arithmetic mean.
-        p95: 95th percentile.
-        max: the farthest; from both sides the larger of two is the Hausdorff distance.
-    """
-
-    mean: float
-    p95: float
-    max: float
+    mean: float  # arithmetic mean
+    p95: float  # 95th percentile
+    max: float  # the farthest; from both sides the larger of two is the Hausdorff distance
 
 
 @dataclass(frozen=True)
 class Topology:
-    """What a mesh is as a combinatorial surface.
+    """What a mesh is as a combinatorial surface."""
 
-    Attributes:
-        num_vertices: vertices that have a face.
-        num_faces: triangles.
-        unused_vertices: vertices without a face.
-        boundary_edges: edges with one face.
-        boundary_loops: closed chains of boundary edges; where chains touch, one piece counts once.
-        non_manifold_edges: edges with more than two faces.
-        pinched_vertices: vertices whose faces are not one fan.
-        miswound_edges: directed edges that more than one face uses.
-        components: parts connected by edges.
-        euler_number: vertices - edges + faces.
-    """
-
-    num_vertices: int
-    num_faces: int
-    unused_vertices: int
-    boundary_edges: int
-    boundary_loops: int
-    non_manifold_edges: int
-    pinched_vertices: int
-    miswound_edges: int
-    components: int
-    euler_number: int
+    num_vertices: int  # vertices that have a face
+    num_faces: int  # triangles
+    unused_vertices: int  # vertices without a face
+    boundary_edges: int  # edges with one face
+    boundary_loops: int  # closed chains of boundary edges; where chains touch, one piece counts once
+    non_manifold_edges: int  # edges with more than two faces
+    pinched_vertices: int  # vertices whose faces are not one fan
+    miswound_edges: int  # directed edges that more than one face uses
+    components: int  # parts connected by edges
+    euler_number: int  # vertices - edges + faces
 
     @property
     def is_manifold(self) -> bool:

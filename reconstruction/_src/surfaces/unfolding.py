@@ -15,8 +15,7 @@ from reconstruction._src.geometry.rows import (
 )
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
-_SHORTEST = 1e-300
-"""Divided by instead of 0: the direction of an edge without length is 0."""
+_SHORTEST = 1e-300  # Divided by instead of 0: the direction of an edge without length is 0
 
 
 _STEP = 0.5
@@ -26,8 +25,7 @@ _STAGES = ((0, False), (0, True), (1, False), (1, True), (2, True), (3, True))
 """What moves, one stage after another: this many rings around the tangled faces, without or with the vertices
 on the boundary. A boundary that stays keeps the ears of the mesh; where its teeth lie across one another, it
 must move."""
-_ROUNDS = 8
-"""A stage ends after this many without success; the next begins with the best result."""
+_ROUNDS = 8  # A stage ends after this many without success; the next begins with the best result
 _BOUNDARY_ANGLE = np.deg2rad(60)
 """Where the boundary turns by more, its faces may lie across one another without any fold [rad]: the teeth of
 a closing slit."""
@@ -48,17 +46,11 @@ def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"
 
 
 class Tangles(NamedTuple):
-    """Which faces of a surface are tangled.
+    """Which faces of a surface are tangled."""
 
-    Attributes:
-        is_tangled: faces that are folded, or intersect another.
-        is_searched: faces whose intersections have all been looked for.
-        pairs: faces that intersect, with at least one that was looked at.
-    """
-
-    is_tangled: Bool[np.ndarray, " F"]
-    is_searched: Bool[np.ndarray, " F"]
-    pairs: Int[np.ndarray, "P 2"]
+    is_tangled: Bool[np.ndarray, " F"]  # faces that are folded, or intersect another
+    is_searched: Bool[np.ndarray, " F"]  # faces whose intersections have all been looked for
+    pairs: Int[np.ndarray, "P 2"]  # faces that intersect, with at least one that was looked at
 
 
 def find_tangled(

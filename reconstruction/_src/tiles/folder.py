@@ -27,19 +27,12 @@ _OWN = re.compile(r"tile_-?\d+_-?\d+\.npz")
 
 @dataclass(frozen=True)
 class TiledSurface:
-    """A surface in tiles, of which only those are read that are wanted.
+    """A surface in tiles, of which only those are read that are wanted."""
 
-    Attributes:
-        folder: where it lies.
-        tile: edge of a tile [m].
-        offset: `[3]` what was subtracted from the coordinates of the scan [m].
-        places: columns and rows of the tiles that have a surface.
-    """
-
-    folder: Path
-    tile: float
-    offset: tuple[float, float, float]
-    places: tuple[Place, ...]
+    folder: Path  # where it lies
+    tile: float  # edge of a tile [m]
+    offset: tuple[float, float, float]  # `[3]` what was subtracted from the coordinates of the scan [m]
+    places: tuple[Place, ...]  # columns and rows of the tiles that have a surface
 
     @classmethod
     def load(cls, folder: str | Path) -> TiledSurface:

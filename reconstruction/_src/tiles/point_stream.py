@@ -20,32 +20,24 @@ from reconstruction._src.scans.formats import load_points
 from reconstruction._src.scans.las import find_las_units
 from reconstruction._src.scans.point_rows import COLORS
 
-CHUNK = 1_000_000
-"""Points at a time: 24 MB, and a few times that while they are sorted into tiles."""
-_SAMPLE = 100_000
-"""Points that say where the middle of a cloud is."""
+CHUNK = 1_000_000  # Points at a time: 24 MB, and a few times that while they are sorted into tiles
+_SAMPLE = 100_000  # Points that say where the middle of a cloud is
 _FAR = 1000.0
 """Clouds whose middle is farther from the origin are moved there [m]: beyond, single precision loses 0.1 mm."""
-_COLORED = 6
-"""Columns of points with colors."""
+_COLORED = 6  # Columns of points with colors
 _MAX_BYTE, _MAX_SHORT = 255, 65535
-_NOISE_CLASSES = (7, 18)
-"""LAS 1.4, table 17: low point (noise), high noise."""
+_NOISE_CLASSES = (7, 18)  # LAS 1.4, table 17: low point (noise), high noise
 
 
 class PointStream(NamedTuple):
-    """Points that are read when they are needed, as often as wanted.
+    """Points that are read when they are needed, as often as wanted."""
 
-    Attributes:
-        chunks: returns the points in chunks `[N, 3]`, in the coordinates of the file [m]; with colors `[N, 6]`:
-            red, green and blue (0 to 255) behind them.
-        offset: `[3]` what is to be subtracted from them [m]; zeros where they are near the origin.
-        columns: 3, or 6 with colors.
-    """
-
+    # returns the points in chunks `[N, 3]`, in the coordinates of the file [m]; with colors `[N, 6]`: red,
+    # green and blue (0 to 255) behind them
     chunks: Callable[[], Iterator[Float[np.ndarray, "N columns"]]]
+    # what is to be subtracted from them [m]; zeros where they are near the origin
     offset: Float[np.ndarray, " 3"]
-    columns: int = 3
+    columns: int = 3  # 3, or 6 with colors
 
 
 def open_points(source: str | Path | ArrayLike | Cloud, meters: float | None = None) -> PointStream:
@@ -205,22 +197,15 @@ class TilesConfig:
 
 Place = tuple[int, int]
 """Column and row of a tile: it reaches from (column, row) times its edge to one more [m]."""
-_MOST_PLACE = 2**20
-"""Columns and rows; beyond are stray points."""
+_MOST_PLACE = 2**20  # Columns and rows; beyond are stray points
 
 
 class Bucket(NamedTuple):
-    """The points of a tile.
+    """The points of a tile."""
 
-    Attributes:
-        place: column and row of the tile.
-        num_points: points in the tile itself.
-        with_halo: points in the tile and its halo, which are in the file.
-    """
-
-    place: Place
-    num_points: int
-    with_halo: int
+    place: Place  # column and row of the tile
+    num_points: int  # points in the tile itself
+    with_halo: int  # points in the tile and its halo, which are in the file
 
 
 def fill_buckets(

@@ -10,10 +10,8 @@ from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.tiles.point_stream import TilesConfig
 
-_ON_BORDER = 1e-9
-"""A vertex this near to a border lies on it [m]."""
-_LEAST_SQUARE = 1e-30
-"""Squared length of an edge without length [m²]."""
+_ON_BORDER = 1e-9  # A vertex this near to a border lies on it [m]
+_LEAST_SQUARE = 1e-30  # Squared length of an edge without length [m²]
 _STEEP = 4.0
 """Where the nearest place of a curve is this many times nearer than the one straight above or below, it counts: beyond
 76 degrees, curves of two tiles that are a little apart in plan are far apart in height."""
@@ -27,15 +25,10 @@ class Surface(NamedTuple):
 
 
 class Border(NamedTuple):
-    """One side of a tile.
+    """One side of a tile."""
 
-    Attributes:
-        axis: 0 for a border of constant x, 1 for one of constant y.
-        value: that coordinate [m].
-    """
-
-    axis: int
-    value: float
+    axis: int  # 0 for a border of constant x, 1 for one of constant y
+    value: float  # that coordinate [m]
 
 
 def join_tile(

@@ -30,8 +30,7 @@ from reconstruction._src.tiles.workers import RunJobs, run_in_processes
 
 _NEIGHBORS = tuple((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0))
 
-_MOST_VIEWPOINTS = 64
-"""Viewpoints that a tile knows: the nearest."""
+_MOST_VIEWPOINTS = 64  # Viewpoints that a tile knows: the nearest
 
 _logger = logging.getLogger(__name__)
 

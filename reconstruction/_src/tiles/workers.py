@@ -17,10 +17,8 @@ from typing import Any
 
 from reconstruction._src.base.errors import ReconstructionError
 
-Job = dict[str, Any]
-"""Plain data, as JSON has it."""
-Work = Callable[[Job], Job]
-"""A function of a module."""
+Job = dict[str, Any]  # Plain data, as JSON has it
+Work = Callable[[Job], Job]  # A function of a module
 RunJobs = Callable[[Work, Sequence[Job]], Iterator[Job]]
 """Runs jobs anywhere and yields their results in order. `evolution` has one for Ray."""
 

@@ -18,13 +18,10 @@ FRICTION_LIMITS = (1e-3, 5.0)
 FRICTION_SOURCES = ("exact", "given", "assumed", "estimated")
 """Where the friction of an arena comes from: it is made in code, a user gave it, nobody measured it, or robots did, by
 their slip."""
-_LONGEST_NAME = 200
-"""Characters of a name."""
-_SMALLEST_AREA = 1e-9
-"""[m²]; of a surface, of which MuJoCo computes the inertia of a shell."""
+_LONGEST_NAME = 200  # Characters of a name
+_SMALLEST_AREA = 1e-9  # [m²]; of a surface, of which MuJoCo computes the inertia of a shell
 
-_SMALLEST_PIECE = 1e-12
-"""[m²]; files keep the vertices of pieces to 1e-6 m."""
+_SMALLEST_PIECE = 1e-12  # [m²]; files keep the vertices of pieces to 1e-6 m
 
 
 def check_friction(friction: float, what: str = "friction") -> None:

@@ -19,12 +19,9 @@ from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym._src.errors import ArenaError
 
-_THICKNESS = 0.2
-"""How far the ground reaches below the lowest floor [m]."""
-_STRAIGHT = 1e-12
-"""Corners that enclose less than half of this area lie on a line [m²]."""
-_LONGEST = 1e4
-"""Largest size [m], and number of steps."""
+_THICKNESS = 0.2  # How far the ground reaches below the lowest floor [m]
+_STRAIGHT = 1e-12  # Corners that enclose less than half of this area lie on a line [m²]
+_LONGEST = 1e4  # Largest size [m], and number of steps
 
 
 @dataclass(frozen=True)
@@ -340,16 +337,14 @@ def _turn(a: Float[np.ndarray, " 2"], b: Float[np.ndarray, " 2"], c: Float[np.nd
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
-_EDGE = 0.3
-"""Of a cube of the checker, and width of a stripe [m]."""
+_EDGE = 0.3  # Of a cube of the checker, and width of a stripe [m]
 _SHIFT = np.array([0.15, 0.0, 0.125])
 """Of the cubes: no floor, plateau or wall of the courses lies on a side of one [m]."""
 _CHECKER = np.array([[0.85, 0.45, 0.20], [0.15, 0.35, 0.65]])
 _STRIPES = np.array([[0.80, 0.25, 0.25], [0.90, 0.80, 0.30], [0.25, 0.60, 0.35], [0.30, 0.40, 0.75]])
 _WAVES = np.array([[0.9, 0.4, 0.5], [-0.6, 1.1, 0.7], [0.5, -0.8, 1.3]])
 """Wave vectors of red, green and blue in the gradient [rad/m]."""
-_MIDDLE, _SWING = 0.5, 0.35
-"""Of a channel of the gradient."""
+_MIDDLE, _SWING = 0.5, 0.35  # Of a channel of the gradient
 
 
 def _paint_checker(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:

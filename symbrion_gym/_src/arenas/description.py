@@ -23,63 +23,41 @@ _MOST_PIECES = 100_000
 
 
 class ArenaFiles(NamedTuple):
-    """The files of geometry in an arena's folder.
+    """The files of geometry in an arena's folder."""
 
-    Attributes:
-        surface: the exact surface.
-        pieces: contact pieces, in order.
-        height_field: in place of pieces, for the kind "hfield".
-        texture: the picture of the surface's colors.
-    """
-
-    surface: Path
-    pieces: list[Path]
-    height_field: Path | None
-    texture: Path | None = None
+    surface: Path  # the exact surface
+    pieces: list[Path]  # contact pieces, in order
+    height_field: Path | None  # in place of pieces, for the kind "hfield"
+    texture: Path | None = None  # the picture of the surface's colors
 
 
 @dataclass(frozen=True)
 class ArenaDescription:
     """The content of `arena.json`.
 
-    Attributes:
-        format: format of the folder.
-        name: name of the arena.
-        kind: kind of contact geometry.
-        friction: sliding friction of the ground.
-        num_pieces: number of contact pieces in the folder.
-        quality: as `ArenaQuality.as_dict` returned it.
-        provenance: what the arena was made of.
-        course: as `Course.as_dict` returned it, for arenas made in code; None for scanned ones.
-        place: where the meshes lie, relative to the folder.
-        files: the arena's own files, where the folder lists them.
-        offset: what was subtracted from the coordinates of the scan [m].
-        friction_source: see `Arena`.
-        has_texture: whether the surface has colors.
-        friction_map: as `FrictionMap.as_dict` returned it; None for one friction for all.
-        primitives: as `primitives_to_dict` returned them, for the kind "mixed".
-        objects: known objects, as `PlacedObject.as_dict` returned them.
-
     Raises:
         ArenaError: a field is out of range.
     """
 
-    format: int
-    name: str
-    kind: Literal["convex", "hfield", "prisms", "mixed"]
-    friction: float
-    num_pieces: int
-    quality: dict[str, Any]
-    provenance: dict[str, Any]
+    format: int  # format of the folder
+    name: str  # name of the arena
+    kind: Literal["convex", "hfield", "prisms", "mixed"]  # kind of contact geometry
+    friction: float  # sliding friction of the ground
+    num_pieces: int  # number of contact pieces in the folder
+    quality: dict[str, Any]  # as `ArenaQuality.as_dict` returned it
+    provenance: dict[str, Any]  # what the arena was made of
+    # as `Course.as_dict` returned it, for arenas made in code; None for scanned ones
     course: dict[str, Any] | None = None
-    place: Literal["", ".arena/"] = PLAIN
-    files: tuple[str, ...] | None = None
+    place: Literal["", ".arena/"] = PLAIN  # where the meshes lie, relative to the folder
+    files: tuple[str, ...] | None = None  # the arena's own files, where the folder lists them
+    # what was subtracted from the coordinates of the scan [m]
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    friction_source: str = "given"
-    has_texture: bool = False
+    friction_source: str = "given"  # see `Arena`
+    has_texture: bool = False  # whether the surface has colors
+    # as `FrictionMap.as_dict` returned it; None for one friction for all
     friction_map: dict[str, Any] | None = None
-    primitives: dict[str, Any] | None = None
-    objects: tuple[dict[str, Any], ...] = ()
+    primitives: dict[str, Any] | None = None  # as `primitives_to_dict` returned them, for the kind "mixed"
+    objects: tuple[dict[str, Any], ...] = ()  # known objects, as `PlacedObject.as_dict` returned them
 
     def __post_init__(self) -> None:
         if self.format < 1:

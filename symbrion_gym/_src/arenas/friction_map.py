@@ -15,10 +15,8 @@ from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS, check_friction
 from symbrion_gym._src.errors import ArenaError
 
-Outline = tuple[tuple[float, float], ...]
-"""Corners (x, y) of a convex polygon, counter-clockwise [m]."""
-_STRAIGHT = 1e-9
-"""Corners that turn right by less than this area are on a line [m²]."""
+Outline = tuple[tuple[float, float], ...]  # Corners (x, y) of a convex polygon, counter-clockwise [m]
+_STRAIGHT = 1e-9  # Corners that turn right by less than this area are on a line [m²]
 
 
 @dataclass(frozen=True)

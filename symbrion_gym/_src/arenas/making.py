@@ -40,22 +40,15 @@ if TYPE_CHECKING:
     from reconstruction._src.knowledge.slip.patches import EstimatedPatch, FrictionEstimate
     from reconstruction._src.reconstruction import Reconstruction
 
-ASSUMED_FRICTION = 0.7
-"""Rubber tracks on a hard floor, about; a scan does not show it."""
+ASSUMED_FRICTION = 0.7  # Rubber tracks on a hard floor, about; a scan does not show it
 
 
 class GroundFriction(NamedTuple):
-    """The friction of a ground.
+    """The friction of a ground."""
 
-    Attributes:
-        friction: sliding friction outside of all patches.
-        source: see `Arena.friction_source`.
-        friction_map: patches with another friction, or None.
-    """
-
-    friction: float
-    source: str
-    friction_map: FrictionMap | None
+    friction: float  # sliding friction outside of all patches
+    source: str  # see `Arena.friction_source`
+    friction_map: FrictionMap | None  # patches with another friction, or None
 
 
 def choose_friction(

@@ -14,8 +14,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.errors import ArenaError
 
-MAX_FACES = 2000
-"""Meshes with more faces are simplified to as many."""
+MAX_FACES = 2000  # Meshes with more faces are simplified to as many
 
 
 def place_objects(arena: Arena, found: Iterable[Any], meshes: Mapping[str, trimesh.Trimesh]) -> Arena:

@@ -20,28 +20,21 @@ OBJECT_GROUP = 1
 OBJECT_COLOR = (0.16, 0.45, 0.80, 1.0)
 MAX_OBJECTS = 1000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
-_ROUNDING = 1e-5
-"""A rotation deviates from an orthonormal matrix by less."""
+_ROUNDING = 1e-5  # A rotation deviates from an orthonormal matrix by less
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedObject:
     """A known object at its place.
 
-    Attributes:
-        name: what kind of object it is: letters, digits, `_` and `-`.
-        position: `[3]` of the origin of its mesh, in the arena's frame [m].
-        rotation: `[3, 3]` mesh to arena; x points to the front of the object.
-        mesh: its shape, in its own frame [m].
-
     Raises:
         ArenaError: the name, the position, the rotation or the mesh cannot be used.
     """
 
-    name: str
-    position: Float[np.ndarray, " 3"]
-    rotation: Float[np.ndarray, "3 3"]
-    mesh: trimesh.Trimesh
+    name: str  # what kind of object it is: letters, digits, `_` and `-`
+    position: Float[np.ndarray, " 3"]  # of the origin of its mesh, in the arena's frame [m]
+    rotation: Float[np.ndarray, "3 3"]  # mesh to arena; x points to the front of the object
+    mesh: trimesh.Trimesh  # its shape, in its own frame [m]
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):

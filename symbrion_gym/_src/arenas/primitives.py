@@ -103,10 +103,8 @@ def _measure_sides(half: np.ndarray) -> np.ndarray:
     return half[:, 0] * half[:, 1] + half[:, 1] * half[:, 2] + half[:, 2] * half[:, 0]
 
 
-_FAR = 1e6
-"""Farther out is no arena [m]."""
-_ROTATION = 1e-6
-"""Largest deviation of axes from a rotation."""
+_FAR = 1e6  # Farther out is no arena [m]
+_ROTATION = 1e-6  # Largest deviation of axes from a rotation
 
 
 @dataclass(frozen=True)
@@ -193,20 +191,14 @@ def take_solids_out(surface: trimesh.Trimesh, primitives: Primitives) -> Bool[np
     return is_left
 
 
-_FEWEST = 4
-"""Faces of a rest that pieces can be made of."""
+_FEWEST = 4  # Faces of a rest that pieces can be made of
 
 
 class Touched(NamedTuple):
-    """A surface that pieces are made of.
+    """A surface that pieces are made of."""
 
-    Attributes:
-        mesh: the surface.
-        is_two_sided: which of its faces were seen from behind, too.
-    """
-
-    mesh: trimesh.Trimesh
-    is_two_sided: Bool[np.ndarray, " F"] | None
+    mesh: trimesh.Trimesh  # the surface
+    is_two_sided: Bool[np.ndarray, " F"] | None  # which of its faces were seen from behind, too
 
 
 def leave_solids_out(

@@ -41,15 +41,10 @@ _OWN = re.compile(rf"(?:{re.escape(SPARE)})?(?:{_MESH})|{re.escape(MODEL)}|{re.e
 
 
 class OwnFiles(NamedTuple):
-    """The files of an arena in a folder.
+    """The files of an arena in a folder."""
 
-    Attributes:
-        place: where its meshes lie.
-        names: its files, relative to the folder; the others are somebody else's.
-    """
-
-    place: str
-    names: frozenset[str]
+    place: str  # where its meshes lie
+    names: frozenset[str]  # its files, relative to the folder; the others are somebody else's
 
 
 def save_arena(

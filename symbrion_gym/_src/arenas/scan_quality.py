@@ -39,24 +39,17 @@ def add_scan_quality(
 
 @dataclass(frozen=True)
 class AccuracyReport:
-    """The accuracy of an arena, asked for and reached.
+    """The accuracy of an arena, asked for and reached."""
 
-    Attributes:
-        wanted: mean distance of contact from the surface that was asked for, or follows from the scan [m]; None:
-            nothing was asked for, as of a course made in code.
-        reached: the mean distance [m].
-        is_reached: whether the arena is as accurate as wanted, all over, and within the number of pieces.
-        worst: (x, y, z) of the point of the surface with the largest distance [m]; None where that is not noted.
-        distance: its distance from contact [m].
-        warnings: what a user should know, one line each; that of a missed accuracy names the worst place and a
-            remedy.
-    """
-
+    # mean distance of contact from the surface that was asked for, or follows from the scan [m]; None:
+    # nothing was asked for, as of a course made in code
     wanted: float | None
-    reached: float
-    is_reached: bool
+    reached: float  # the mean distance [m]
+    is_reached: bool  # whether the arena is as accurate as wanted, all over, and within the number of pieces
+    # (x, y, z) of the point of the surface with the largest distance [m]; None where that is not noted
     worst: tuple[float, float, float] | None = None
-    distance: float | None = None
+    distance: float | None = None  # its distance from contact [m]
+    # what a user should know, one line each; that of a missed accuracy names the worst place and a remedy
     warnings: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:

@@ -49,62 +49,40 @@ def simulate_readings(
     return np.concatenate(found), np.concatenate(seen_from)
 
 
-_WITH_FRAME = (".glb", ".gltf", ".dae")
-"""Formats that say which way is up and in which unit."""
-_FARTHEST = 1e8
-"""Coordinates beyond this are no place on earth in meters: damaged [m]."""
+_WITH_FRAME = (".glb", ".gltf", ".dae")  # Formats that say which way is up and in which unit
+_FARTHEST = 1e8  # Coordinates beyond this are no place on earth in meters: damaged [m]
 
 _ONE_SIDED = 0.6
 """A face was seen from behind, too, where more than a fifth of its readings say so: this is ahead minus behind."""
-_LOOKS_DOWN = -0.2
-"""Faces whose normal rises less look down, by 12 degrees or more: no noisy walls."""
-_BEHIND = 1e-5
-"""Rays start this far behind a face, in extents of the mesh."""
+_LOOKS_DOWN = -0.2  # Faces whose normal rises less look down, by 12 degrees or more: no noisy walls
+_BEHIND = 1e-5  # Rays start this far behind a face, in extents of the mesh
 
 
 @dataclass(frozen=True, eq=False)
 class ScannedSurface:
-    """A surface and what was scanned.
+    """A surface and what was scanned."""
 
-    Attributes:
-        mesh: faces look at free space where `is_oriented` [m].
-        source: name of the file, or "mesh".
-        is_oriented: whether the winding tells where free space is.
-        points: readings [m]; None: unknown.
-        viewpoints: positions of the sensor [m].
-        seen_from: viewpoint of every reading.
-        dropped: share of the readings that pre-processing dropped.
-        offset: what was subtracted from the coordinates of the scan [m].
-        cut: what was cut off as far from every reading, in words; nothing where nothing was.
-        colored: points with colors, in the frame of the mesh; None: its colors are unknown.
-        friction: that of the ground, as robots felt it by their slip; None: nobody did.
-    """
-
-    mesh: trimesh.Trimesh
-    source: str = "mesh"
-    is_oriented: bool = False
-    points: Float[np.ndarray, "N 3"] | None = None
-    viewpoints: Float[np.ndarray, "K 3"] | None = None
-    seen_from: Int[np.ndarray, " N"] | None = None
-    dropped: float | None = None
+    mesh: trimesh.Trimesh  # faces look at free space where `is_oriented` [m]
+    source: str = "mesh"  # name of the file, or "mesh"
+    is_oriented: bool = False  # whether the winding tells where free space is
+    points: Float[np.ndarray, "N 3"] | None = None  # readings [m]; None: unknown
+    viewpoints: Float[np.ndarray, "K 3"] | None = None  # positions of the sensor [m]
+    seen_from: Int[np.ndarray, " N"] | None = None  # viewpoint of every reading
+    dropped: float | None = None  # share of the readings that pre-processing dropped
+    # what was subtracted from the coordinates of the scan [m]
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    cut: str = ""
-    colored: Cloud | None = None
+    cut: str = ""  # what was cut off as far from every reading, in words; nothing where nothing was
+    colored: Cloud | None = None  # points with colors, in the frame of the mesh; None: its colors are unknown
+    # that of the ground, as robots felt it by their slip; None: nobody did
     friction: FrictionEstimate | None = None
 
 
 class MeshFrame(NamedTuple):
-    """The frame of a mesh, where the user says it.
+    """The frame of a mesh, where the user says it."""
 
-    Attributes:
-        unit: name of its unit; None: what the file says, or meters.
-        up: axis that points up; None: what the file says, or z.
-        scale: a further factor.
-    """
-
-    unit: str | None = None
-    up: str | None = None
-    scale: float = 1.0
+    unit: str | None = None  # name of its unit; None: what the file says, or meters
+    up: str | None = None  # axis that points up; None: what the file says, or z
+    scale: float = 1.0  # a further factor
 
 
 def take_surface(

@@ -8,8 +8,7 @@ from jaxtyping import Bool, Float
 
 from symbrion_gym._src.contact.quality import RayMesh
 
-MOST_VIEWPOINTS = 64
-"""As many positions of the scanner are kept with an arena, evenly spread over the scan."""
+MOST_VIEWPOINTS = 64  # As many positions of the scanner are kept with an arena, evenly spread over the scan
 _ABOVE = 0.05
 """Height above a place of what must be seen [m]: the surface is as far off its readings, and a robot is higher."""
 

@@ -18,39 +18,26 @@ from symbrion_gym._src.contact.kinds import HeightField
 
 
 class ArenaGeometry(NamedTuple):
-    """The shapes of an arena.
+    """The shapes of an arena."""
 
-    Attributes:
-        surface: the exact surface, for rays and pictures.
-        pieces: convex solids, for contact.
-        height_field: in place of pieces, for the kind "hfield".
-        texture: colors of the surface; None where they are unknown.
-        primitives: in place of triangles, for the kind "mixed"; the solid ones are the last pieces.
-    """
-
-    surface: trimesh.Trimesh
-    pieces: list[trimesh.Trimesh]
-    height_field: HeightField | None
-    texture: SurfaceTexture | None = None
+    surface: trimesh.Trimesh  # the exact surface, for rays and pictures
+    pieces: list[trimesh.Trimesh]  # convex solids, for contact
+    height_field: HeightField | None  # in place of pieces, for the kind "hfield"
+    texture: SurfaceTexture | None = None  # colors of the surface; None where they are unknown
+    # in place of triangles, for the kind "mixed"; the solid ones are the last pieces
     primitives: Primitives | None = None
 
 
-SURFACE_GROUP = 2
-"""Geom group of the exact surface: drawn, hit by rays, touched by nothing."""
-CONTACT_GROUP = 3
-"""Geom group of the contact pieces: touched, not drawn unless asked for."""
+SURFACE_GROUP = 2  # Geom group of the exact surface: drawn, hit by rays, touched by nothing
+CONTACT_GROUP = 3  # Geom group of the contact pieces: touched, not drawn unless asked for
 
 PATCH_PRIORITY = 2
 """Geom priority of pieces in a friction patch: above that of robots, whose friction holds elsewhere."""
-ROLLING_FRICTION = (0.005, 0.0001)
-"""Torsional [m] and rolling [m] friction: MuJoCo's defaults."""
+ROLLING_FRICTION = (0.005, 0.0001)  # Torsional [m] and rolling [m] friction: MuJoCo's defaults
 SURFACE_COLOR = (0.62, 0.60, 0.56, 1.0)
-_GOLDEN_RATIO = 0.61803398875
-"""Its fractional part: hues this far apart never come near each other."""
-LEAST_RISE = 1e-3
-"""MuJoCo wants a height field with some height [m]."""
-FIELD_BASE = 0.2
-"""How far a height field reaches below its lowest point [m]."""
+_GOLDEN_RATIO = 0.61803398875  # Its fractional part: hues this far apart never come near each other
+LEAST_RISE = 1e-3  # MuJoCo wants a height field with some height [m]
+FIELD_BASE = 0.2  # How far a height field reaches below its lowest point [m]
 
 
 def make_arena_spec(

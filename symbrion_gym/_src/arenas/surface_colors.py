@@ -67,8 +67,7 @@ def _find_nearest(
     )
 
 
-_NUM_SAMPLES = 200_000
-"""Points on the faces, beside the vertices: 1 cm apart on 20 m²."""
+_NUM_SAMPLES = 200_000  # Points on the faces, beside the vertices: 1 cm apart on 20 m²
 
 _logger = logging.getLogger(__name__)
 

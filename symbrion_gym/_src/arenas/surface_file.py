@@ -83,12 +83,9 @@ def load_surface(path: str | os.PathLike[str]) -> trimesh.Trimesh:
     return mesh
 
 
-_LARGEST = 2**30
-"""Bytes of one mesh; a million faces take 0.06 GB."""
-_COLORED = 6
-"""Entries of a vertex with a color."""
-_COLOR_DIGITS = 4
-"""Decimals of a channel: enough for bytes."""
+_LARGEST = 2**30  # Bytes of one mesh; a million faces take 0.06 GB
+_COLORED = 6  # Entries of a vertex with a color
+_COLOR_DIGITS = 4  # Decimals of a channel: enough for bytes
 
 
 def load_obj(path: Path) -> trimesh.Trimesh:

@@ -17,52 +17,32 @@ from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.surfaces.color import ColorSource, Paint
 from symbrion_gym._src.errors import ArenaError
 
-_BLOCK = 8
-"""Edge of the smallest cell, of which all others are made [texel]."""
-_RIM = 4
-"""Texels of a cell's edge that are no part of a triangle's leg: filters read across its sides."""
-_GROWTH = 1.19
-"""Texels grow by this until all cells fit: their number halves in two steps."""
-_MOST_TEXELS = 200_000
-"""Texels that are worked on at once: bounds the memory to some 100 MB."""
-_BITS = 10
-"""Of each coordinate in the order of triangles in space."""
+_BLOCK = 8  # Edge of the smallest cell, of which all others are made [texel]
+_RIM = 4  # Texels of a cell's edge that are no part of a triangle's leg: filters read across its sides
+_GROWTH = 1.19  # Texels grow by this until all cells fit: their number halves in two steps
+_MOST_TEXELS = 200_000  # Texels that are worked on at once: bounds the memory to some 100 MB
+_BITS = 10  # Of each coordinate in the order of triangles in space
 
 
-_MAX_SIZE = 2048
-"""Edge of the picture [texel], a power of two; texels grow until all triangles fit."""
-_MAX_CELL = 512
-"""Edge of the cell of the largest triangles [texel], a power of two."""
+_MAX_SIZE = 2048  # Edge of the picture [texel], a power of two; texels grow until all triangles fit
+_MAX_CELL = 512  # Edge of the cell of the largest triangles [texel], a power of two
 
 
 class Cells(NamedTuple):
-    """Cells of one size, each with two triangles.
+    """Cells of one size, each with two triangles."""
 
-    Attributes:
-        size: edge [texel].
-        corner: column and row of the upper left texel.
-        faces: triangle in the upper left and in the lower right half; -1 for none.
-    """
-
-    size: int
-    corner: Int[np.ndarray, "C 2"]
-    faces: Int[np.ndarray, "C 2"]
+    size: int  # edge [texel]
+    corner: Int[np.ndarray, "C 2"]  # column and row of the upper left texel
+    faces: Int[np.ndarray, "C 2"]  # triangle in the upper left and in the lower right half; -1 for none
 
 
 class Atlas(NamedTuple):
-    """A layout of triangles.
+    """A layout of triangles."""
 
-    Attributes:
-        width: of the picture [texel].
-        height: of the picture [texel].
-        order: for each face its corners, that of the right angle in the cell first.
-        cells: by size, largest first.
-    """
-
-    width: int
-    height: int
-    order: Int[np.ndarray, "F 3"]
-    cells: list[Cells]
+    width: int  # of the picture [texel]
+    height: int  # of the picture [texel]
+    order: Int[np.ndarray, "F 3"]  # for each face its corners, that of the right angle in the cell first
+    cells: list[Cells]  # by size, largest first
 
     def compute_uv(self) -> Float[np.ndarray, "F 3 2"]:
         """Return column and row of the corners of every face, from 0 at the left and at the bottom to 1."""
@@ -172,21 +152,15 @@ def _compute_codes(places: Float[np.ndarray, "F 3"]) -> Int[np.ndarray, " F"]:
 
 TEXTURE_FILE = "surface.png"
 _WHITE = 255
-_PROBES = 500
-"""Colored points whose distances from the next ones give the distance of all: their median."""
-_SPACING_NEIGHBOR = 4
-"""That neighbor is a spacing away: nearer ones may be of the same scan line."""
+_PROBES = 500  # Colored points whose distances from the next ones give the distance of all: their median
+_SPACING_NEIGHBOR = 4  # That neighbor is a spacing away: nearer ones may be of the same scan line
 
 
 class SurfaceTexture(NamedTuple):
-    """A picture of a surface's colors, and where each triangle lies in it.
+    """A picture of a surface's colors, and where each triangle lies in it."""
 
-    Attributes:
-        image: red, green and blue; the first row is the upper one.
-        uv: column and row of the corners of every face, from 0 at the left and at the bottom to 1.
-    """
-
-    image: UInt8[np.ndarray, "H W 3"]
+    image: UInt8[np.ndarray, "H W 3"]  # red, green and blue; the first row is the upper one
+    # column and row of the corners of every face, from 0 at the left and at the bottom to 1
     uv: Float[np.ndarray, "F 3 2"]
 
     def find_colors(
@@ -280,15 +254,12 @@ def add_texture(
     geom.material, geom.rgba = name, LIT_COLOR
 
 
-_MOST = 8192
-"""Largest edge of a picture that is read [pixel]."""
+_MOST = 8192  # Largest edge of a picture that is read [pixel]
 _HEADER = struct.Struct(">II5B")
 """Of a PNG: width, height, bits, kind of color, compression, filter, interlacing."""
-_HEADER_AT = 16
-"""Where it stands."""
+_HEADER_AT = 16  # Where it stands
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_LEVEL = 6
-"""Of the compression."""
+_LEVEL = 6  # Of the compression
 
 
 def to_png(image: UInt8[np.ndarray, "H W 3"]) -> bytes:

@@ -37,21 +37,16 @@ def place_modules(body: Organism, route: DrivingRoute) -> Float[np.ndarray, "N 4
     return made
 
 
-LAYERS = ("surface", "contact", "drivable", "route")
-"""What can be shown."""
+LAYERS = ("surface", "contact", "drivable", "route")  # What can be shown
 CONTACT_OPACITY = 0.35
-_SHOWN_GROUP = 1
-"""Geom group of what is added; the viewer shows groups 0 to 2 at first."""
+_SHOWN_GROUP = 1  # Geom group of what is added; the viewer shows groups 0 to 2 at first
 _GROUND_COLORS = ((0.22, 0.62, 0.34, 0.7), (0.35, 0.50, 0.80, 0.7), (0.86, 0.45, 0.38, 0.7))
 """Largest drivable region, other drivable regions, other ground."""
 _ROUTE_COLOR = (0.70, 0.0, 0.31, 1.0)
 _ROBOT_COLOR = (0.98, 0.78, 0.16, 1.0)
-_LIFT = 0.02
-"""Ground and route are drawn this far above contact [m]."""
-_MOST_SEGMENTS = 200
-"""Parts of a route."""
-_ROUTE_RADIUS, _END_RADIUS = 0.012, 0.05
-"""Of the path, and of start and goal [m]."""
+_LIFT = 0.02  # Ground and route are drawn this far above contact [m]
+_MOST_SEGMENTS = 200  # Parts of a route
+_ROUTE_RADIUS, _END_RADIUS = 0.012, 0.05  # Of the path, and of start and goal [m]
 
 
 def make_view_spec(

@@ -4,30 +4,22 @@ from __future__ import annotations
 
 from symbrion_gym._src.contact.kinds import Contact
 
-ACCEPTANCE_P95 = 3.0
-"""95th percentile of the distance that is good enough, in accuracies."""
-UNCOVERED = 0.008
-"""Share of the surface without contact within 5 cm that is good enough."""
+ACCEPTANCE_P95 = 3.0  # 95th percentile of the distance that is good enough, in accuracies
+UNCOVERED = 0.008  # Share of the surface without contact within 5 cm that is good enough
 _REACH = 0.05
 """... where the 95th percentile that is good enough is below this [m]: on a square kilometer known to a meter,
 5 cm say nothing."""
 _MARGIN = 0.1
 """A candidate as good as the best has distances larger by no more than this, in accuracies: what sampling and
 the seams of boxes add."""
-_SHARE_MARGIN = 5e-4
-"""Likewise for the share without contact."""
-_MORE_PIECES = 1.5
-"""A candidate as good as the best has no more than this many times the pieces."""
-_MORE_FEW = 3
-"""... or this many more: coacd cuts a slab in two where that gives better solids."""
-_MANY_PIECES = 64
-"""A candidate that is good enough replaces a better one of more pieces than these."""
-_FEWER = 0.5
-"""... if it has no more than this share of them: fewer pieces make faster contacts."""
+_SHARE_MARGIN = 5e-4  # Likewise for the share without contact
+_MORE_PIECES = 1.5  # A candidate as good as the best has no more than this many times the pieces
+_MORE_FEW = 3  # ... or this many more: coacd cuts a slab in two where that gives better solids.
+_MANY_PIECES = 64  # A candidate that is good enough replaces a better one of more pieces than these
+_FEWER = 0.5  # ... if it has no more than this share of them: fewer pieces make faster contacts.
 
 
-_TOO_MANY = 1e9
-"""Too many pieces are worse than any distance: their number is a limit, the accuracy a wish."""
+_TOO_MANY = 1e9  # Too many pieces are worse than any distance: their number is a limit, the accuracy a wish
 
 
 def compute_miss(contact: Contact, accuracy: float, max_pieces: int) -> float:

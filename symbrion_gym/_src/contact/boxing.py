@@ -30,36 +30,24 @@ from reconstruction._src.geometry.sampling import sample_grid
 from symbrion_gym._src.contact.deadline import never
 from symbrion_gym._src.contact.decomposition import MIN_VOLUME
 
-_NOTHING = -1e6
-"""Height of what is not there [m]."""
+_NOTHING = -1e6  # Height of what is not there [m]
 
 
-_BEND_DEG = 5.0
-"""Planes on top of a piece that differ by less make no crease."""
-_MIN_SHARE = 0.04
-"""A plane with less of a piece's top gets no part of its own."""
-_OVERLAP = 0.02
-"""Parts overlap by this at a crease [m]."""
+_BEND_DEG = 5.0  # Planes on top of a piece that differ by less make no crease
+_MIN_SHARE = 0.04  # A plane with less of a piece's top gets no part of its own
+_OVERLAP = 0.02  # Parts overlap by this at a crease [m]
 _DEPTHS = (1.0, 0.2, 0.1, 0.05)
 """Boxes tried are this deep [m], but no deeper than the piece: shallow ones fit where deep ones stick out."""
 _TOLERANCE = 1e-3
 """A box may lift or lower the ground by this, in a few places and at walls by twice as much [m]."""
-_BOX_FEW = 5e-3
-"""Share of the points that are a few places."""
-_BOX_AIR = 0.05
-"""A box may reach beyond the rim of the terrain by this [m]."""
-_ON_TOP = 2e-3
-"""Corners this close to the main plane of a piece bound its outline [m]."""
-_TOP_POINTS = 120
-"""Points a side of the grid on which the top of a piece is looked at."""
-_CHECK_POINTS = 140
-"""Points a side of the grid on which a box is compared with the piece."""
-_WALL_AREA = 1e-4
-"""One point on a wall for this much of a piece's area [m²], within `wall_points`."""
-_WALL_POINTS = (500, 6000)
-"""Fewest and most points on the walls of a piece."""
-_WALL_GAP = 5e-3
-"""What rises less above the ground in front of it is no wall [m]; also how far in front [m]."""
+_BOX_FEW = 5e-3  # Share of the points that are a few places
+_BOX_AIR = 0.05  # A box may reach beyond the rim of the terrain by this [m]
+_ON_TOP = 2e-3  # Corners this close to the main plane of a piece bound its outline [m]
+_TOP_POINTS = 120  # Points a side of the grid on which the top of a piece is looked at
+_CHECK_POINTS = 140  # Points a side of the grid on which a box is compared with the piece
+_WALL_AREA = 1e-4  # One point on a wall for this much of a piece's area [m²], within `wall_points`
+_WALL_POINTS = (500, 6000)  # Fewest and most points on the walls of a piece
+_WALL_GAP = 5e-3  # What rises less above the ground in front of it is no wall [m]; also how far in front [m]
 
 
 def split_at_creases(pieces: list[trimesh.Trimesh], max_pieces: int) -> list[trimesh.Trimesh]:

@@ -23,34 +23,25 @@ from symbrion_gym._src.contact.planes import Planes
 
 _SAME_WALL_DEG = 5.0
 """Walls that touch and face directions this close are one: noise parts a wall into several."""
-_WALL_REACH = 0.03
-"""Lines this close to a wall all along it are taken for the wall [m]."""
+_WALL_REACH = 0.03  # Lines this close to a wall all along it are taken for the wall [m]
 _WALL_FACING = 0.5
 """The faces of a wall sum to this share of their area in plan; else it has no one direction."""
 _WALL_COSINE = 0.5
 """Faces at the wall whose normals are within the angle of this cosine (60 degrees) belong to it."""
 _WALL_LEVELS = (0.4, 0.5, 0.6)
 """Shares of the height of a wall at which its line is measured, away from a rounded foot and rim."""
-_WALL_TRIM = 0.02
-"""Share of the corners of a wall that its height leaves out, at the foot and at the rim."""
-_MIN_CROSSINGS = 12
-"""Points that a line along the middle of a wall is fitted to, at least."""
-_MIN_WALL = 4.0
-"""Length of such a line, in median edges, at least."""
-_CREASE_REACH = 3.0
-"""A crease lies this close to the edges where its planes touch, in median edges."""
-_STEP_REACH = 2.0
-"""Likewise, the points of a step."""
-_ROUNDS = 6
-"""Number of rounds of robust line fits."""
+_WALL_TRIM = 0.02  # Share of the corners of a wall that its height leaves out, at the foot and at the rim
+_MIN_CROSSINGS = 12  # Points that a line along the middle of a wall is fitted to, at least
+_MIN_WALL = 4.0  # Length of such a line, in median edges, at least
+_CREASE_REACH = 3.0  # A crease lies this close to the edges where its planes touch, in median edges
+_STEP_REACH = 2.0  # Likewise, the points of a step
+_ROUNDS = 6  # Number of rounds of robust line fits
 
 
 _LEAST_CROSSING = 0.01
 """Planes that meet at a smaller angle (sine, in plan) have no line in plan that is worth its noise."""
-_SAME_LINE = 1e-4
-"""Lines whose coefficients differ by less are one."""
-_LEAST_GAP = 1e-6
-"""Keeps the scale of a robust fit above zero [m]."""
+_SAME_LINE = 1e-4  # Lines whose coefficients differ by less are one
+_LEAST_GAP = 1e-6  # Keeps the scale of a robust fit above zero [m]
 
 
 def fill_labels(mesh: trimesh.Trimesh, labels: Int[np.ndarray, " F"]) -> Int[np.ndarray, " F"]:
@@ -228,25 +219,18 @@ def _drop_repeated(lines: Float[np.ndarray, "C 3"]) -> Float[np.ndarray, "D 3"]:
     return np.array(kept).reshape(-1, 3)
 
 
-_ON_FACE = 1e-4
-"""Corners this close to a plane belong to its face [m]."""
-_SAME_SIDE = 1e-4
-"""Planes whose coefficients differ by less are one: corners are rounded to 1 µm."""
+_ON_FACE = 1e-4  # Corners this close to a plane belong to its face [m]
+_SAME_SIDE = 1e-4  # Planes whose coefficients differ by less are one: corners are rounded to 1 µm
 
 
 _CLEARANCE = 5e-4
 """A hidden edge lies this far beneath the plane that bodies come from [m]: more than they sink in, and less
 than a body feels."""
-_MAX_MOVE = 0.01
-"""An end moves by no more than this [m]: on planes that hardly bend it would leave a gap."""
-_REACH = 3e-3
-"""Edges this close to another piece are hidden by it [m]: boxes stand out by as much."""
-_EDGE_POINTS = 9
-"""Points along an edge that are looked at."""
-_LIFT = 2e-4
-"""Ground lowered by less is not lowered, when a piece is left out [m]."""
-_PIECE_POINTS = 160
-"""Points a side of the grid on which a piece is looked at."""
+_MAX_MOVE = 0.01  # An end moves by no more than this [m]: on planes that hardly bend it would leave a gap
+_REACH = 3e-3  # Edges this close to another piece are hidden by it [m]: boxes stand out by as much
+_EDGE_POINTS = 9  # Points along an edge that are looked at
+_LIFT = 2e-4  # Ground lowered by less is not lowered, when a piece is left out [m]
+_PIECE_POINTS = 160  # Points a side of the grid on which a piece is looked at
 
 
 def clear_hidden_edges(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:

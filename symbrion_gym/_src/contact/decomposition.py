@@ -16,14 +16,11 @@ from jaxtyping import Float, Int
 from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.errors import ArenaError
 
-MIN_VOLUME = 1e-6
-"""coacd's smaller pieces are dropped: slivers between cuts [m³]."""
+MIN_VOLUME = 1e-6  # coacd's smaller pieces are dropped: slivers between cuts [m³]
 _FLAT_VOLUME = 1e-10
 """A solid with less after rounding to single precision, as MuJoCo stores it, is flat [m³]."""
-MAX_HULL_VERTICES = 64
-"""Corners of a piece: fewer cost less in every contact."""
-_LONGEST = 1e6
-"""A process can be waited for this long; longer limits are none (11 days) [s]."""
+MAX_HULL_VERTICES = 64  # Corners of a piece: fewer cost less in every contact
+_LONGEST = 1e6  # A process can be waited for this long; longer limits are none (11 days) [s]
 _WORKER = Path(__file__).with_name("coacd_worker.py")
 
 
@@ -92,8 +89,7 @@ def _take_extremes(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "M 3"]
     return points[taken]
 
 
-_LEAST_MASS = 1e-300
-"""Keeps divisions by the area of no faces finite."""
+_LEAST_MASS = 1e-300  # Keeps divisions by the area of no faces finite
 
 
 def compute_moments(mesh: trimesh.Trimesh, origin: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "F 4 4"]:

@@ -21,29 +21,22 @@ from reconstruction._src.geometry.sampling import sample_area
 from symbrion_gym._src.contact.inside import ConvexSolids
 from symbrion_gym._src.contact.quality import ArenaQuality
 
-_LEAST_LENGTH = 1e-30
-"""Keeps divisions by the length of a normal finite."""
+_LEAST_LENGTH = 1e-30  # Keeps divisions by the length of a normal finite
 
 
-_NUM_POINTS = 20_000
-"""Points on the surface, and as many on the pieces: a share of 1 % is known to 0.1 %."""
+_NUM_POINTS = 20_000  # Points on the surface, and as many on the pieces: a share of 1 % is known to 0.1 %
 UNCOVERED_BEYOND = 0.05
 """A point of the surface farther than this from contact is uncovered [m]: half a Scout's height."""
-_INSIDE = 1e-5
-"""A point of a piece deeper than this in another one cannot be touched [m]."""
+_INSIDE = 1e-5  # A point of a piece deeper than this in another one cannot be touched [m]
 
 
 class Gaps(NamedTuple):
-    """Distances of a surface and contact from each other.
+    """Distances of a surface and contact from each other."""
 
-    Attributes:
-        points: on the surface [m].
-        gaps: of each from contact: above 0 where contact stands in front of the surface, below where behind [m].
-        protrusions: of points of the pieces that can be touched: how far they stand in front of the surface [m].
-    """
-
-    points: Float[np.ndarray, "N 3"]
+    points: Float[np.ndarray, "N 3"]  # on the surface [m]
+    # of each from contact: above 0 where contact stands in front of the surface, below where behind [m]
     gaps: Float[np.ndarray, " N"]
+    # of points of the pieces that can be touched: how far they stand in front of the surface [m]
     protrusions: Float[np.ndarray, " M"]
 
     def find_worst(self) -> tuple[Float[np.ndarray, " 3"], float]:

@@ -11,12 +11,9 @@ from jaxtyping import Float, Int
 
 from symbrion_gym._src.contact.kinds import HeightField
 
-_MOST_VALUES = 4_000_000
-"""Distances of points from planes that are held at once: 32 MB."""
-_LEAST_LENGTH = 1e-15
-"""A triangle whose edges have a shorter cross product has no normal [m²]."""
-_PLANE_DIGITS = 9
-"""Planes that agree in all of these digits are one: the triangles of a flat side share it."""
+_MOST_VALUES = 4_000_000  # Distances of points from planes that are held at once: 32 MB
+_LEAST_LENGTH = 1e-15  # A triangle whose edges have a shorter cross product has no normal [m²]
+_PLANE_DIGITS = 9  # Planes that agree in all of these digits are one: the triangles of a flat side share it
 _FACING = 0.2
 """Planes whose normal turns from a direction by more than 90 degrees, with this sine, look away from it."""
 
@@ -110,17 +107,12 @@ _IN_FRONT = 0.5
 
 
 class NearestPoints(NamedTuple):
-    """Nearest points of a surface.
+    """Nearest points of a surface."""
 
-    Attributes:
-        distances: how far they are [m].
-        heights: the same distances, below 0 behind the surface: where its faces do not look to [m].
-        normals: unit normals of the nearest faces.
-    """
-
-    distances: Float[np.ndarray, " N"]
+    distances: Float[np.ndarray, " N"]  # how far they are [m]
+    # the same distances, below 0 behind the surface: where its faces do not look to [m]
     heights: Float[np.ndarray, " N"]
-    normals: Float[np.ndarray, "N 3"]
+    normals: Float[np.ndarray, "N 3"]  # unit normals of the nearest faces
 
 
 def compute_offsets(

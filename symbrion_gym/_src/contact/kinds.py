@@ -22,43 +22,30 @@ from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
-CONTACT_KINDS = ("convex", "hfield", "prisms", "mixed")
-"""What an arena can be made of."""
-CONTACT_CHOICES = ("auto", *CONTACT_KINDS)
-"""What can be asked for."""
+CONTACT_KINDS = ("convex", "hfield", "prisms", "mixed")  # What an arena can be made of
+CONTACT_CHOICES = ("auto", *CONTACT_KINDS)  # What can be asked for
 
-_INSIDE = 1e-6
-"""The grid of a height field begins this far inside the rim [m], so that the rim itself is hit."""
+_INSIDE = 1e-6  # The grid of a height field begins this far inside the rim [m], so that the rim itself is hit
 
 
-LEAST_DENSITY = 50.0
-"""Pieces over the area in plan, from which on a height field is looked for [1/m²]."""
+LEAST_DENSITY = 50.0  # Pieces over the area in plan, from which on a height field is looked for [1/m²]
 KNOWN = 0.98
 """Share of the grid within its rim that lies on the ground, at least: elsewhere a height field invents
 ground."""
 SHARE = 0.3
 """The mean distance is at most this share of the accuracy, the 95th percentile this share of what is good
 enough: a beam that grazes the ground feels a few millimeters."""
-COARSEST = 0.06
-"""Spacing of the grid that is tried first [m]: half a Scout."""
-FINEST = 0.02
-"""Finer grids are not tried [m]."""
-SHRINK = 0.8
-"""Factor between the spacings that are tried."""
+COARSEST = 0.06  # Spacing of the grid that is tried first [m]: half a Scout
+FINEST = 0.02  # Finer grids are not tried [m]
+SHRINK = 0.8  # Factor between the spacings that are tried
 
 
 class HeightField(NamedTuple):
-    """Heights on a grid.
+    """Heights on a grid."""
 
-    Attributes:
-        heights: `[R, C]` rows along y, columns along x; no NaN: beyond the rim, the lowest [m].
-        low: (x, y) of the first row and column [m].
-        high: (x, y) of the last [m].
-    """
-
-    heights: Float[np.ndarray, "R C"]
-    low: Float[np.ndarray, " 2"]
-    high: Float[np.ndarray, " 2"]
+    heights: Float[np.ndarray, "R C"]  # rows along y, columns along x; no NaN: beyond the rim, the lowest [m]
+    low: Float[np.ndarray, " 2"]  # (x, y) of the first row and column [m]
+    high: Float[np.ndarray, " 2"]  # (x, y) of the last [m]
 
     def as_mesh(self) -> trimesh.Trimesh:
         """Return the surface as MuJoCo splits it: two triangles a cell."""
@@ -88,16 +75,9 @@ def make_height_field(
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact geometry of a surface.
+    """Contact geometry of a surface."""
 
-    Attributes:
-        pieces: convex solids.
-        quality: distances from the surface.
-        height_field: in place of pieces, for the kind "hfield".
-        notes: how it came about, for JSON.
-    """
-
-    pieces: list[trimesh.Trimesh]
-    quality: ArenaQuality
-    height_field: HeightField | None = None
-    notes: dict[str, Any] = field(default_factory=dict)
+    pieces: list[trimesh.Trimesh]  # convex solids
+    quality: ArenaQuality  # distances from the surface
+    height_field: HeightField | None = None  # in place of pieces, for the kind "hfield"
+    notes: dict[str, Any] = field(default_factory=dict)  # how it came about, for JSON

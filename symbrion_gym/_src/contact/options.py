@@ -17,24 +17,16 @@ from symbrion_gym._src.contact.kinds import CONTACT_CHOICES
 from symbrion_gym._src.contact.solid import ThicknessConfig
 from symbrion_gym._src.errors import ArenaError
 
-_FINEST = 0.003
-"""Contact need not be closer [m]: a Scout's tracks do not feel 3 mm."""
-_EXTENT = 1.0 / 500.0
-"""... or this share of the extent of the surface, for small things."""
-_NOISE = 1.0
-"""In standard deviations of the readings from the surface."""
-_SPACING = 0.1
-"""In median distances of neighboring readings over the surface."""
-_MESH = 0.05
-"""Without readings, in median lengths of the edges of the surface."""
-_COARSEST = 2.0
-"""... but no more than this many times the finest: a drawn mesh with long edges is exact."""
-_NUM_POINTS = 5000
-"""Readings that are looked at."""
+_FINEST = 0.003  # Contact need not be closer [m]: a Scout's tracks do not feel 3 mm
+_EXTENT = 1.0 / 500.0  # ... or this share of the extent of the surface, for small things.
+_NOISE = 1.0  # In standard deviations of the readings from the surface
+_SPACING = 0.1  # In median distances of neighboring readings over the surface
+_MESH = 0.05  # Without readings, in median lengths of the edges of the surface
+_COARSEST = 2.0  # ... but no more than this many times the finest: a drawn mesh with long edges is exact.
+_NUM_POINTS = 5000  # Readings that are looked at
 
 
-_DEVIATION = 1.4826
-"""Standard deviation of a normal distribution over the median of its absolute values."""
+_DEVIATION = 1.4826  # Standard deviation of a normal distribution over the median of its absolute values
 
 
 def find_accuracy(
@@ -63,53 +55,37 @@ def find_accuracy(
     return max(finest, _NOISE * noise, _SPACING * spacing)
 
 
-THRESHOLDS = (0.05, 0.02)
-"""Concavities left, relative to half the longest extent, tried from coarse to fine."""
-ITERATIONS = 60
-"""Number of iterations of its tree search."""
-DEPTH = 2
-"""Depth of that tree."""
-NODES = 10
-"""Children of a node."""
-RESOLUTION = 1000
-"""Points on which a cut is rated."""
-MAX_FACES = 1000
-"""Larger solids are simplified first: its time grows faster than the number of faces."""
+THRESHOLDS = (0.05, 0.02)  # Concavities left, relative to half the longest extent, tried from coarse to fine
+ITERATIONS = 60  # Number of iterations of its tree search
+DEPTH = 2  # Depth of that tree
+NODES = 10  # Children of a node
+RESOLUTION = 1000  # Points on which a cut is rated
+MAX_FACES = 1000  # Larger solids are simplified first: its time grows faster than the number of faces
 
 
-REPAIR = RepairConfig(drops_slivers=True)
-"""What of a mesh is kept."""
-JOINING = 0.8
-"""Triangles are joined within this share of what patches aim at."""
+REPAIR = RepairConfig(drops_slivers=True)  # What of a mesh is kept
+JOINING = 0.8  # Triangles are joined within this share of what patches aim at
 CONTACT_AIM = 0.4
 """Patches aim at this share of the accuracy while they are few enough: beams that graze a wall feel a few
 millimeters."""
-THICKNESS = ThicknessConfig()
-"""How thick the solid behind a patch is."""
+THICKNESS = ThicknessConfig()  # How thick the solid behind a patch is
 
 
 @dataclass(frozen=True)
 class ContactOptions:
     """What contact geometry is wanted.
 
-    Attributes:
-        accuracy: mean distance between contact and surface that is good enough [m]; None: as fine as the scan.
-        max_pieces: no more convex pieces than these.
-        kind: one of `CONTACT_CHOICES`.
-        thickness: how far slabs reach below the lowest ground [m].
-        seed: seed of coacd's search.
-        time_limit: emergency stop: building ends then with the best so far [s].
-
     Raises:
         ArenaError: an option is out of range.
     """
 
+    # mean distance between contact and surface that is good enough [m]; None: as fine as the scan
     accuracy: float | None = None
-    max_pieces: int = 2200
-    kind: str = "auto"
-    thickness: float = 0.2
-    seed: int = 0
-    time_limit: float = 300.0
+    max_pieces: int = 2200  # no more convex pieces than these
+    kind: str = "auto"  # one of `CONTACT_CHOICES`
+    thickness: float = 0.2  # how far slabs reach below the lowest ground [m]
+    seed: int = 0  # seed of coacd's search
+    time_limit: float = 300.0  # emergency stop: building ends then with the best so far [s]
 
     def __post_init__(self) -> None:
         if self.kind not in CONTACT_CHOICES:

@@ -21,8 +21,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from reconstruction._src.geometry.rows import compute_areas
 
-_FLAT = 1e-9
-"""Points whose spread along an axis is smaller lie in a plane [m]."""
+_FLAT = 1e-9  # Points whose spread along an axis is smaller lie in a plane [m]
 
 
 _MAX_TILT_DEG = 35.0
@@ -31,8 +30,7 @@ would reach far beneath the surface."""
 _MAX_VERTICES = 28
 """A patch has no more vertices: with those behind the surface, twice as many make a solid, and MuJoCo's
 contacts slow down with more than 64."""
-_DEPTH_SHARE = 0.5
-"""A convex patch may bulge by this share of its thickness."""
+_DEPTH_SHARE = 0.5  # A convex patch may bulge by this share of its thickness
 _STEPS = (0.05, 0.3, 1.0)
 """Shares of the tolerance at which all neighbors are tried, the finest first: so that what fits exactly is
 joined before what fits loosely."""
@@ -40,29 +38,17 @@ joined before what fits loosely."""
 
 @dataclass
 class _Patch:
-    """Joined faces.
+    """Joined faces."""
 
-    Attributes:
-        number: of its own.
-        vertices: numbers of their vertices.
-        boundary: edges with one face of the patch, as (low, high).
-        creases: edges between its faces, where they are not flat.
-        normal: sum of the faces' normals, as long as their area [m²].
-        normals: of the faces.
-        areas: of the faces [m²].
-        faces: their numbers.
-        depth: thickness of the thinnest vertex [m].
-    """
-
-    number: int
-    vertices: set[int]
-    boundary: set[tuple[int, int]]
-    creases: set[tuple[int, int]]
-    normal: Float[np.ndarray, " 3"]
-    normals: Float[np.ndarray, "M 3"]
-    areas: Float[np.ndarray, " M"]
-    faces: list[int]
-    depth: float
+    number: int  # of its own
+    vertices: set[int]  # numbers of their vertices
+    boundary: set[tuple[int, int]]  # edges with one face of the patch, as (low, high)
+    creases: set[tuple[int, int]]  # edges between its faces, where they are not flat
+    normal: Float[np.ndarray, " 3"]  # sum of the faces' normals, as long as their area [m²]
+    normals: Float[np.ndarray, "M 3"]  # of the faces
+    areas: Float[np.ndarray, " M"]  # of the faces [m²]
+    faces: list[int]  # their numbers
+    depth: float  # thickness of the thinnest vertex [m]
 
 
 def join_faces(

@@ -30,64 +30,40 @@ from symbrion_gym._src.contact.decomposition import (
 )
 from symbrion_gym._src.errors import ArenaError
 
-_LEAST_MASS = 1e-300
-"""Keeps divisions by the area of no faces finite."""
-_LEAST_RISE = 0.05
-"""Walls are given as planes that rise by 20 per 1: steeper than any ground, finite."""
+_LEAST_MASS = 1e-300  # Keeps divisions by the area of no faces finite
+_LEAST_RISE = 0.05  # Walls are given as planes that rise by 20 per 1: steeper than any ground, finite
 
 
 _MAX_ANGLE_DEG = 40.0
 """Largest angle between a face and the plane it belongs to; noise turns small faces this far."""
-_RINGS = 3
-"""Neighbors over which the noise at a face is averaged, in steps over edges."""
-_NOISE_REACH = 3.0
-"""Faces within this many standard deviations of the noise may be on a plane."""
-_MAX_PLANES = 400
-"""No more are looked for; a mesh with more is rough ground, for which planes are no model."""
-_MIN_FACES = 6.0
-"""A plane has the area of this many median faces, within `min_area` and `max_min_area`."""
-_MIN_AREA = 1e-3
-"""Share of the whole area that a plane has at least."""
-_MAX_MIN_AREA = 0.03
-"""Share of the whole area that always suffices for a plane."""
-_MAX_ROUNDS = 12
-"""Of growing one region, and of moving faces between regions; both end by themselves earlier."""
+_RINGS = 3  # Neighbors over which the noise at a face is averaged, in steps over edges
+_NOISE_REACH = 3.0  # Faces within this many standard deviations of the noise may be on a plane
+_MAX_PLANES = 400  # No more are looked for; a mesh with more is rough ground, for which planes are no model
+_MIN_FACES = 6.0  # A plane has the area of this many median faces, within `min_area` and `max_min_area`
+_MIN_AREA = 1e-3  # Share of the whole area that a plane has at least
+_MAX_MIN_AREA = 0.03  # Share of the whole area that always suffices for a plane
+_MAX_ROUNDS = 12  # Of growing one region, and of moving faces between regions; both end by themselves earlier
 _NEIGHBOR_COST = 0.25
 """What a neighbor on another plane costs a face, in squared reaches: keeps borders short."""
-_TILT_COST = 2.0
-"""What a face costs that is turned by more than `max_angle_deg`, likewise."""
-_MAX_DISTANCE_COST = 4.0
-"""What a distance costs at most, likewise: one bad face does not decide."""
-_NO_PLANE_COST = 1.5
-"""What a face without a plane costs, likewise."""
-_BORDER_WEIGHT = 0.02
-"""Faces at the border of a region count this much: they may lie on a chamfer."""
-_MERGE_DEVIATION = 0.3
-"""Two planes are one if its deviation stays below this share of the tolerance."""
-_MERGE_NOISE = 0.5
-"""... or below this share of the noise."""
-_MERGE_COSINE = 0.98
-"""... and the joint plane is turned against both by less than the angle of this cosine."""
+_TILT_COST = 2.0  # What a face costs that is turned by more than `max_angle_deg`, likewise
+_MAX_DISTANCE_COST = 4.0  # What a distance costs at most, likewise: one bad face does not decide
+_NO_PLANE_COST = 1.5  # What a face without a plane costs, likewise
+_BORDER_WEIGHT = 0.02  # Faces at the border of a region count this much: they may lie on a chamfer
+_MERGE_DEVIATION = 0.3  # Two planes are one if its deviation stays below this share of the tolerance
+_MERGE_NOISE = 0.5  # ... or below this share of the noise.
+_MERGE_COSINE = 0.98  # ... and the joint plane is turned against both by less than the angle of this cosine.
 _CHAMFER_ANGLE_DEG = 20.0
 """A narrow strip that bends from its neighbors by more is an edge cut off, not a plane."""
-_CHAMFER_WIDTH = 1.5
-"""Such a strip is narrower than this many median edges."""
+_CHAMFER_WIDTH = 1.5  # Such a strip is narrower than this many median edges
 
 
 class Planes(NamedTuple):
-    """The planes of a mesh and whose faces they are.
+    """The planes of a mesh and whose faces they are."""
 
-    Attributes:
-        normals: `[R, 3]` unit normals, to the outside.
-        offsets: `[R]` normal · point on the plane [m].
-        labels: `[F]` the plane of each face, -1 for none.
-        noise: standard deviation of the mesh around its planes [m].
-    """
-
-    normals: Float[np.ndarray, "R 3"]
-    offsets: Float[np.ndarray, " R"]
-    labels: Int[np.ndarray, " F"]
-    noise: float
+    normals: Float[np.ndarray, "R 3"]  # unit normals, to the outside
+    offsets: Float[np.ndarray, " R"]  # normal · point on the plane [m]
+    labels: Int[np.ndarray, " F"]  # the plane of each face, -1 for none
+    noise: float  # standard deviation of the mesh around its planes [m]
 
     def slopes(self) -> Float[np.ndarray, "R 3"]:
         """Return the planes as (a, b, c) of z = a x + b y + c; walls as the steepest that this allows."""

@@ -24,24 +24,15 @@ from symbrion_gym._src.contact.terrain_planes import select_few_planes
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """One surface that contact geometry is made of.
+    """One surface that contact geometry is made of."""
 
-    Attributes:
-        surface: repaired, wound so that its faces look at free space.
-        options: what is wanted.
-        accuracy: wanted distance between contact and surface [m].
-        deadline: emergency stop.
-        progress: called with what is being done and the share done.
-        is_two_sided: which faces were seen from behind, too; None: none.
-        known_shape: kind of the surface that this is a part of; None: found on the surface itself.
-    """
-
-    surface: trimesh.Trimesh
-    options: ContactOptions
-    accuracy: float
-    deadline: Deadline
-    progress: Progress
-    is_two_sided: Bool[np.ndarray, " F"] | None = None
+    surface: trimesh.Trimesh  # repaired, wound so that its faces look at free space
+    options: ContactOptions  # what is wanted
+    accuracy: float  # wanted distance between contact and surface [m]
+    deadline: Deadline  # emergency stop
+    progress: Progress  # called with what is being done and the share done
+    is_two_sided: Bool[np.ndarray, " F"] | None = None  # which faces were seen from behind, too; None: none
+    # kind of the surface that this is a part of; None: found on the surface itself
     known_shape: Shape | None = None
 
     @property

@@ -26,42 +26,31 @@ _SHARES = ("uncovered", "beams_contact", "beams_surface", "free_space", "dropped
 class ArenaQuality:
     """Distances between contact geometry and the surface, of points all over both: walls and overhangs included.
 
-    Attributes:
-        mean: mean distance of the surface from contact [m]; inf where there is nothing to measure on, as are the
-            next two and the bias.
-        p95: 95th percentile [m].
-        max: largest [m].
-        bias: mean distance, above 0 where contact stands in front of the surface, below where behind [m].
-        uncovered: share of the surface without contact geometry within 5 cm.
-        num_pieces: number of contact pieces.
-        seconds: time that the decomposition took [s].
-        protrusion_mean: mean distance of points on the exposed side of the contact geometry from the
-            surface: how far contact stands in front of it [m]. None where not measured, as are all below.
-        protrusion_p95: 95th percentile [m].
-        protrusion_max: largest [m].
-        beams_contact: share of the scanner's beams that end on contact geometry within 5 cm of their reading.
-        beams_surface: the same share on the surface, which bounds what contact can reach.
-        free_space: share of the space that the scanner saw to be free that is inside contact geometry.
-        dropped: share of the readings that pre-processing dropped.
-
     Raises:
         ArenaError: a field is out of range.
     """
 
+    # mean distance of the surface from contact [m]; inf where there is nothing to measure on, as are the next
+    # two and the bias
     mean: float
-    p95: float
-    max: float
-    num_pieces: int
+    p95: float  # 95th percentile [m]
+    max: float  # largest [m]
+    num_pieces: int  # number of contact pieces
+    # mean distance, above 0 where contact stands in front of the surface, below where behind [m]
     bias: float = 0.0
-    uncovered: float = 0.0
-    seconds: float = 0.0
+    uncovered: float = 0.0  # share of the surface without contact geometry within 5 cm
+    seconds: float = 0.0  # time that the decomposition took [s]
+    # mean distance of points on the exposed side of the contact geometry from the surface: how far contact
+    # stands in front of it [m]. None where not measured, as are all below.
     protrusion_mean: float | None = None
-    protrusion_p95: float | None = None
-    protrusion_max: float | None = None
+    protrusion_p95: float | None = None  # 95th percentile [m]
+    protrusion_max: float | None = None  # largest [m]
+    # share of the scanner's beams that end on contact geometry within 5 cm of their reading
     beams_contact: float | None = None
-    beams_surface: float | None = None
+    beams_surface: float | None = None  # the same share on the surface, which bounds what contact can reach
+    # share of the space that the scanner saw to be free that is inside contact geometry
     free_space: float | None = None
-    dropped: float | None = None
+    dropped: float | None = None  # share of the readings that pre-processing dropped
 
     def __post_init__(self) -> None:
         for name in (*_DISTANCES, "num_pieces"):
@@ -120,10 +109,8 @@ class ArenaQuality:
         )
 
 
-_MAX_RAYS = 400_000
-"""Vertical lines at most: bounds the time and memory that a large terrain takes."""
-_ROUNDING = 1e-6
-"""Keeps a radius of a whole number of cells from becoming one more [cells]."""
+_MAX_RAYS = 400_000  # Vertical lines at most: bounds the time and memory that a large terrain takes
+_ROUNDING = 1e-6  # Keeps a radius of a whole number of cells from becoming one more [cells]
 
 
 class TerrainErrorMetric:
@@ -183,8 +170,7 @@ def _compute_relief(heights: Float[np.ndarray, "X Y"], radius: float) -> Float[n
     return highest - lowest
 
 
-_LEAST_AREA = 1e-12
-"""Triangles with less are no shape [m²]; a ray hits their neighbors."""
+_LEAST_AREA = 1e-12  # Triangles with less are no shape [m²]; a ray hits their neighbors
 
 
 class RayMesh:

@@ -28,30 +28,19 @@ from symbrion_gym._src.contact.decomposition import (
 )
 from symbrion_gym._src.contact.planes import Planes
 
-_ON_PLANE = 1e-6
-"""What lies no farther beyond a plane lies on it: corners are rounded to 1 µm [m]."""
-_ON_FACE = 1e-4
-"""Corners this close to a plane belong to its face [m]."""
-_INSIDE = 1e-3
-"""The inner point of a piece stays this far beneath a plane that cuts it [m]."""
+_ON_PLANE = 1e-6  # What lies no farther beyond a plane lies on it: corners are rounded to 1 µm [m]
+_ON_FACE = 1e-4  # Corners this close to a plane belong to its face [m]
+_INSIDE = 1e-3  # The inner point of a piece stays this far beneath a plane that cuts it [m]
 
 
-_OVERLAP = 0.03
-"""Neighbors overlap by this, where that lifts no ground [m]."""
-_REACH = 0.05
-"""Dropping a half-space may let a piece grow by no more than this [m]."""
-_LIFT = 2e-4
-"""Ground lifted by less is not lifted [m]."""
-_NOISE = 1e-3
-"""A piece may rise to the terrain, and this far above it [m]."""
-_MAX_LOSS = 1e-3
-"""A cut may move no ground away from the terrain by more than this [m]."""
-_TOUCHING = 0.01
-"""Pieces whose bounds are this close are neighbors [m]."""
-_PIECE_POINTS = 160
-"""Points a side of the grid on which a piece is looked at."""
-_CHANGE_POINTS = 48
-"""Points a side of the grid on which a change is looked at."""
+_OVERLAP = 0.03  # Neighbors overlap by this, where that lifts no ground [m]
+_REACH = 0.05  # Dropping a half-space may let a piece grow by no more than this [m]
+_LIFT = 2e-4  # Ground lifted by less is not lifted [m]
+_NOISE = 1e-3  # A piece may rise to the terrain, and this far above it [m]
+_MAX_LOSS = 1e-3  # A cut may move no ground away from the terrain by more than this [m]
+_TOUCHING = 0.01  # Pieces whose bounds are this close are neighbors [m]
+_PIECE_POINTS = 160  # Points a side of the grid on which a piece is looked at
+_CHANGE_POINTS = 48  # Points a side of the grid on which a change is looked at
 
 
 def mend_pieces(
@@ -171,8 +160,7 @@ def _simplify(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trime
 _SHIFT = 0.3
 """The common plane lies off that of each region by no more than this share of the tolerance (root-mean-square
 over the region): less than a body feels."""
-_BORDER_WEIGHT = 0.02
-"""Faces at the border of a region count this much: they may lie on a chamfer."""
+_BORDER_WEIGHT = 0.02  # Faces at the border of a region count this much: they may lie on a chamfer
 
 
 def share_planes(mesh: trimesh.Trimesh, planes: Planes, tolerance: float) -> Planes:

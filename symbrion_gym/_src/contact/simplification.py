@@ -12,17 +12,14 @@ from symbrion_gym._src.contact.planes import Planes
 
 _SHARE = 0.6
 """The error of simplification is this share of what patches aim at; joining triangles takes the rest."""
-_FEWEST = 12
-"""Number of triangles that is tried first."""
-GROWTH = 1.12
-"""Factor between the numbers that are tried."""
+_FEWEST = 12  # Number of triangles that is tried first
+GROWTH = 1.12  # Factor between the numbers that are tried
 _WORST = 3.0
 """Of a drawn surface no place is farther off than this many times what patches aim at: it has no noise, and one
 edge too few takes a tread away, which no mean shows. A scan has spikes of noise, which cost pieces."""
 _DRAWN = 0.5
 """A surface is drawn where at least this share of its area lies in faces that are flat with a neighbor."""
-_FLAT = 1e-3
-"""... to within this angle [rad]: noise never leaves two triangles as flat."""
+_FLAT = 1e-3  # ... to within this angle [rad]: noise never leaves two triangles as flat.
 
 
 def is_drawn(surface: trimesh.Trimesh) -> bool:
@@ -92,8 +89,7 @@ def simplify_surface(surface: trimesh.Trimesh, count: int) -> trimesh.Trimesh:
     return simple if is_sound else surface
 
 
-_MAX_MOVE = 3.0
-"""A vertex moves by no more than this many tolerances: what lies farther off is no noise."""
+_MAX_MOVE = 3.0  # A vertex moves by no more than this many tolerances: what lies farther off is no noise
 _ANCHOR = 1e-3
 """Weight of the place where a vertex was, against that of a plane: it fixes what planes leave open."""
 
@@ -131,18 +127,13 @@ def _pair_vertices(
     return pairs[:, 0], pairs[:, 1]
 
 
-_MOST_ROUNDS = 60
-"""Halving edges so often would make any of them vanish: the loop ends long before."""
+_MOST_ROUNDS = 60  # Halving edges so often would make any of them vanish: the loop ends long before
 
 
-_MAX_EDGE = 1.0 / 25.0
-"""Longest edge, relative to the extent, of a mesh cut finer."""
-_COARSE_EDGE = 1.0 / 20.0
-"""A face with an edge longer than this, relative to the extent, is coarse."""
-_COARSE_SHARE = 0.2
-"""Meshes with less of their area in coarse faces stay as they are."""
-_MAX_FACES = 8000
-"""Halving ends beyond: a broken mesh can be large and all slivers."""
+_MAX_EDGE = 1.0 / 25.0  # Longest edge, relative to the extent, of a mesh cut finer
+_COARSE_EDGE = 1.0 / 20.0  # A face with an edge longer than this, relative to the extent, is coarse
+_COARSE_SHARE = 0.2  # Meshes with less of their area in coarse faces stay as they are
+_MAX_FACES = 8000  # Halving ends beyond: a broken mesh can be large and all slivers
 
 
 def split_long_edges(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

@@ -18,36 +18,23 @@ from symbrion_gym._src.contact.decomposition import decompose
 from symbrion_gym._src.contact.planes import Planes
 from symbrion_gym._src.errors import ArenaError
 
-_LEAST_TILT = 0.1
-"""Planes tilted less than this (sine) face no direction in plan."""
-_LEAST_LENGTH = 1e-12
-"""Keeps divisions by the length of a vector finite."""
-_NO_HEADING = 1e-9
-"""Directions that sum to less than this area cancel out [m²]."""
-_DIGITS = 9
-"""Planes whose coefficients are equal to as many digits are one."""
+_LEAST_TILT = 0.1  # Planes tilted less than this (sine) face no direction in plan
+_LEAST_LENGTH = 1e-12  # Keeps divisions by the length of a vector finite
+_NO_HEADING = 1e-9  # Directions that sum to less than this area cancel out [m²]
+_DIGITS = 9  # Planes whose coefficients are equal to as many digits are one
 
 
 _OVERLAP = 1.0005
 """Slabs are stretched by this in plan before they are united: neighbors then share more than a face."""
-_THRESHOLD = 0.01
-"""Threshold of coacd: concavity left, relative to half the longest extent."""
-_ITERATIONS = 60
-"""Of coacd's tree search; 150, its own default, takes twice as long for the same pieces."""
-_NUM_POINTS = 60_000
-"""Points of the ground that are compared."""
-_MAX_MOVE = 0.002
-"""Walls may move by this [m]."""
-_MAX_CHANGE = 0.01
-"""Ground that differs by less has not changed [m]."""
-_TOP_POINTS = 160
-"""Points a side of the grid on which a piece is compared with the slabs."""
-_MAX_LIFT = 2e-4
-"""Planes put back on a piece may lift the ground by this [m]."""
-_MAX_BULGE = 2e-3
-"""... and lower it by this [m]: coacd's pieces overlap by about as much."""
-_UNION_FEW = 2e-3
-"""... but for this share of the points, at walls."""
+_THRESHOLD = 0.01  # Threshold of coacd: concavity left, relative to half the longest extent
+_ITERATIONS = 60  # Of coacd's tree search; 150, its own default, takes twice as long for the same pieces
+_NUM_POINTS = 60_000  # Points of the ground that are compared
+_MAX_MOVE = 0.002  # Walls may move by this [m]
+_MAX_CHANGE = 0.01  # Ground that differs by less has not changed [m]
+_TOP_POINTS = 160  # Points a side of the grid on which a piece is compared with the slabs
+_MAX_LIFT = 2e-4  # Planes put back on a piece may lift the ground by this [m]
+_MAX_BULGE = 2e-3  # ... and lower it by this [m]: coacd's pieces overlap by about as much.
+_UNION_FEW = 2e-3  # ... but for this share of the points, at walls.
 
 
 def find_heading(planes: Planes, areas: Float[np.ndarray, " F"]) -> float:

@@ -31,32 +31,19 @@ from symbrion_gym._src.contact.crease_lines import find_crease_lines
 from symbrion_gym._src.contact.deadline import never
 from symbrion_gym._src.contact.planes import Planes
 
-_NUM_POINTS = 30_000
-"""About how many points of the ground are looked at."""
-_MAX_PLANES = 24
-"""Planes that a cap is selected from, those with the most ground first."""
-_MAX_PAIRS_OF = 24
-"""Slabs tried in every pair; of more, only neighbors and those with a common plane."""
-_MAX_CELLS = 4.0
-"""Cutting ends at this many times the pieces that are wanted: joining leaves fewer."""
-_MIN_GAIN = 0.98
-"""A cut must leave this share, or less, of the pairs of points that one cap does not serve."""
-_ALLOWED_POINTS = 8.0
-"""This number of points may lie farther off than the accuracy: single spikes."""
-_ALLOWED_SHARE = 1e-3
-"""... or this share of a cell's points."""
-_JOIN_ACCURACY = 0.5
-"""Slabs are joined within this share of the accuracy."""
-_MAX_LIFT = 0.5
-"""A joint may lie above other ground by this share of the accuracy it is joined within."""
-_MAX_UNCOVERED = 0.02
-"""Share of a joint that may be without ground, beyond what its parts have."""
-_NEIGHBOR_REACH = 3.0
-"""Slabs this close are neighbors, in spacings of the points."""
-_PREVIEW_POINTS = 250
-"""Points of a joint on which a hopeless one is recognized."""
-_PREVIEW_SLACK = 2.0
-"""A joint is hopeless where its error on them is this many times too large."""
+_NUM_POINTS = 30_000  # About how many points of the ground are looked at
+_MAX_PLANES = 24  # Planes that a cap is selected from, those with the most ground first
+_MAX_PAIRS_OF = 24  # Slabs tried in every pair; of more, only neighbors and those with a common plane
+_MAX_CELLS = 4.0  # Cutting ends at this many times the pieces that are wanted: joining leaves fewer
+_MIN_GAIN = 0.98  # A cut must leave this share, or less, of the pairs of points that one cap does not serve
+_ALLOWED_POINTS = 8.0  # This number of points may lie farther off than the accuracy: single spikes
+_ALLOWED_SHARE = 1e-3  # ... or this share of a cell's points.
+_JOIN_ACCURACY = 0.5  # Slabs are joined within this share of the accuracy
+_MAX_LIFT = 0.5  # A joint may lie above other ground by this share of the accuracy it is joined within
+_MAX_UNCOVERED = 0.02  # Share of a joint that may be without ground, beyond what its parts have
+_NEIGHBOR_REACH = 3.0  # Slabs this close are neighbors, in spacings of the points
+_PREVIEW_POINTS = 250  # Points of a joint on which a hopeless one is recognized
+_PREVIEW_SLACK = 2.0  # A joint is hopeless where its error on them is this many times too large
 
 
 def _allow(num_points: int) -> float:
@@ -65,63 +52,37 @@ def _allow(num_points: int) -> float:
 
 
 class Ground(NamedTuple):
-    """The terrain on a grid seen from above, noise taken out.
+    """The terrain on a grid seen from above, noise taken out."""
 
-    Attributes:
-        points: `[N, 2]` (x, y) [m].
-        heights: `[N]` height of the plane there, or of the mesh where there is no plane [m].
-        levels: `[N, R]` height of every plane there [m]; +inf for walls.
-        labels: `[N]` the plane whose ground this is, -1 for none.
-        weights: `[N]` how much it counts: 0 on walls and chamfers.
-        spacing: distance of the grid's points [m].
-    """
-
-    points: Float[np.ndarray, "N 2"]
-    heights: Float[np.ndarray, " N"]
-    levels: Float[np.ndarray, "N R"]
-    labels: Int[np.ndarray, " N"]
-    weights: Float[np.ndarray, " N"]
-    spacing: float
+    points: Float[np.ndarray, "N 2"]  # (x, y) [m]
+    heights: Float[np.ndarray, " N"]  # height of the plane there, or of the mesh where there is no plane [m]
+    levels: Float[np.ndarray, "N R"]  # height of every plane there [m]; +inf for walls
+    labels: Int[np.ndarray, " N"]  # the plane whose ground this is, -1 for none
+    weights: Float[np.ndarray, " N"]  # how much it counts: 0 on walls and chamfers
+    spacing: float  # distance of the grid's points [m]
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A convex part of the plan and the planes that cap it.
+    """A convex part of the plan and the planes that cap it."""
 
-    Attributes:
-        bounds: `[B, 3]` lines (a, b, c): inside is a x + b y <= c.
-        members: `[M]` the ground's points in it.
-        planes: `[K]` the planes whose minimum is its top.
-        error: sum of the weighted distances of its points from the top [m].
-        excess: weight of its points farther than the accuracy from the top.
-    """
-
-    bounds: Float[np.ndarray, "B 3"]
-    members: Int[np.ndarray, " M"]
-    planes: Int[np.ndarray, " K"]
-    error: float = 0.0
-    excess: float = 0.0
+    bounds: Float[np.ndarray, "B 3"]  # lines (a, b, c): inside is a x + b y <= c
+    members: Int[np.ndarray, " M"]  # the ground's points in it
+    planes: Int[np.ndarray, " K"]  # the planes whose minimum is its top
+    error: float = 0.0  # sum of the weighted distances of its points from the top [m]
+    excess: float = 0.0  # weight of its points farther than the accuracy from the top
 
 
 @dataclass(frozen=True)
 class Slab:
-    """A cell with an outline of its own; slabs may run beneath one another.
+    """A cell with an outline of its own; slabs may run beneath one another."""
 
-    Attributes:
-        outline: `[P, 2]` convex, counter-clockwise [m].
-        members: `[M]` the ground's points whose ground it is.
-        planes: `[K]` the planes whose minimum is its top.
-        error: sum of the weighted distances of its points from the top [m].
-        excess: weight of its points farther than the accuracy from the top.
-        uncovered: area of the outline without any ground [m²].
-    """
-
-    outline: Float[np.ndarray, "P 2"]
-    members: Int[np.ndarray, " M"]
-    planes: Int[np.ndarray, " K"]
-    error: float
-    excess: float
-    uncovered: float
+    outline: Float[np.ndarray, "P 2"]  # convex, counter-clockwise [m]
+    members: Int[np.ndarray, " M"]  # the ground's points whose ground it is
+    planes: Int[np.ndarray, " K"]  # the planes whose minimum is its top
+    error: float  # sum of the weighted distances of its points from the top [m]
+    excess: float  # weight of its points farther than the accuracy from the top
+    uncovered: float  # area of the outline without any ground [m²]
 
 
 def make_grid(mesh: trimesh.Trimesh, num_points: int) -> tuple[Float[np.ndarray, "N 2"], float]:

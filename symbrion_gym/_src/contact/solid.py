@@ -19,24 +19,15 @@ from symbrion_gym._src.contact.quality import RayMesh
 Shape = Literal["terrain", "overhang", "closed"]
 
 
-_MAX_OVERHANG = 0.03
-"""Share of the area that may lie beneath other ground in a terrain: folds of a noisy map."""
-_MIN_GROUND = 0.05
-"""Share of the area that a terrain has in plan, at least; less is nothing but walls."""
-_WALL_RISE = 0.3
-"""Faces whose normal rises less are walls, not hidden ground."""
-_HIDDEN_DEPTH = 0.01
-"""Ground this far beneath other ground is hidden, relative to the extent."""
-_BLOCK_POINTS = 120
-"""Points a side of the grid on which a closed body is compared with a block."""
-_BLOCK_ERROR = 0.05
-"""Share of its volume by which a block may differ from the space beneath its top."""
-_UNDERSIDE = 1e-3
-"""Faces this close to the lowest level belong to the underside, relative to the height."""
-_SIDE_RISE = 0.05
-"""Faces whose normal rises less, and that reach the lowest level, are the sides of a block."""
-_TOP_RISE = -0.2
-"""Faces whose normal rises less look down: they are no part of the top."""
+_MAX_OVERHANG = 0.03  # Share of the area that may lie beneath other ground in a terrain: folds of a noisy map
+_MIN_GROUND = 0.05  # Share of the area that a terrain has in plan, at least; less is nothing but walls
+_WALL_RISE = 0.3  # Faces whose normal rises less are walls, not hidden ground
+_HIDDEN_DEPTH = 0.01  # Ground this far beneath other ground is hidden, relative to the extent
+_BLOCK_POINTS = 120  # Points a side of the grid on which a closed body is compared with a block
+_BLOCK_ERROR = 0.05  # Share of its volume by which a block may differ from the space beneath its top
+_UNDERSIDE = 1e-3  # Faces this close to the lowest level belong to the underside, relative to the height
+_SIDE_RISE = 0.05  # Faces whose normal rises less, and that reach the lowest level, are the sides of a block
+_TOP_RISE = -0.2  # Faces whose normal rises less look down: they are no part of the top
 _MAX_FANS = 0.02
 """Area of the fans that close holes, relative to the mesh: a tube shorter than 50 radii stays open."""
 
@@ -140,33 +131,26 @@ def _find_underside(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"]:
     return is_low.all(axis=1) | (is_low.any(axis=1) & is_side)
 
 
-_LEAST_DIRECTION = 0.5
-"""Unit vectors are longer; the normal of a flat face is not."""
+_LEAST_DIRECTION = 0.5  # Unit vectors are longer; the normal of a flat face is not
 
 
 @dataclass(frozen=True)
 class ThicknessConfig:
-    """How thick the solid behind a surface is.
+    """How thick the solid behind a surface is."""
 
-    Attributes:
-        thickness: of the solid where nothing lies behind it [m]: more than a robot sinks in during a few
-            steps; beams that pass a boundary of the surface meet the sides of thicker ones.
-        share: of the distance to whatever surface lies behind, where that is nearer: a thin wall stays a wall.
-        least: thinner solids are flat to a simulator [m].
-        start: a ray into the solid begins this far behind the surface [m].
-        min_cosine: an inner vertex lies behind every face of its vertex: where the normals at a vertex differ by more
-            than the angle of this cosine, each face has inner vertices of its own.
-        largest: a solid is no thicker than this share of the extent of the surface.
-        two_sided: of the solid behind faces that were seen from behind, too [m]: a sheet that stands for both sides of
-            a thin wall; a robot sinks in less than this.
-    """
-
+    # of the solid where nothing lies behind it [m]: more than a robot sinks in during a few steps; beams that
+    # pass a boundary of the surface meet the sides of thicker ones
     thickness: float = 0.03
+    # of the distance to whatever surface lies behind, where that is nearer: a thin wall stays a wall
     share: float = 0.9
-    least: float = 0.004
-    start: float = 5e-4
+    least: float = 0.004  # thinner solids are flat to a simulator [m]
+    start: float = 5e-4  # a ray into the solid begins this far behind the surface [m]
+    # an inner vertex lies behind every face of its vertex: where the normals at a vertex differ by more than
+    # the angle of this cosine, each face has inner vertices of its own
     min_cosine: float = 0.3
-    largest: float = 0.05
+    largest: float = 0.05  # a solid is no thicker than this share of the extent of the surface
+    # of the solid behind faces that were seen from behind, too [m]: a sheet that stands for both sides of a
+    # thin wall; a robot sinks in less than this
     two_sided: float = 0.01
 
     def scale_to(self, extent: float) -> ThicknessConfig:

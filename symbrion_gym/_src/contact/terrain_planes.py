@@ -11,21 +11,15 @@ from symbrion_gym._src.contact.seams import share_planes
 
 _SCALES = (1.0, 2.0)
 """Planes are looked for within these multiples of the accuracy, until few enough are found."""
-_FEW_PLANES = 32
-"""Few enough are these: each slab needs one plane or more."""
-_SIMILAR_PLANES = 1.25
-"""Or no more than this many times those at the coarsest scale."""
-_MOST_PLANES = 40
-"""A terrain of more planes is rough ground, for which slabs are no model."""
-_HELD = 0.7
-"""Share of the ground that planes hold; of less, it is rough."""
-MAX_SLABS = 64
-"""No more slabs than these: beyond, patches follow the ground as well in less time."""
+_FEW_PLANES = 32  # Few enough are these: each slab needs one plane or more
+_SIMILAR_PLANES = 1.25  # Or no more than this many times those at the coarsest scale
+_MOST_PLANES = 40  # A terrain of more planes is rough ground, for which slabs are no model
+_HELD = 0.7  # Share of the ground that planes hold; of less, it is rough
+MAX_SLABS = 64  # No more slabs than these: beyond, patches follow the ground as well in less time
 MAX_UNITED = 24
 """No more slabs go to coacd, whose time grows faster, or have their seams closed: that compares every one with
 all others."""
-MAX_PARTS = 16
-"""Slabs are not cut at creases into more parts than these."""
+MAX_PARTS = 16  # Slabs are not cut at creases into more parts than these
 
 
 def select_few_planes(

@@ -29,49 +29,34 @@ _REACH = 0.05
 """A beam that ends no farther from its reading ends there [m]; 5 cm is a step that a Scout feels."""
 _MAX_BEAMS = 20_000
 """Readings that are checked at most, drawn at random; 20,000 give a share to 0.4 percentage points."""
-_SAMPLES = 16
-"""Points per beam at which free space is checked; with 16, one every 50 cm of a beam of 8 m."""
+_SAMPLES = 16  # Points per beam at which free space is checked; with 16, one every 50 cm of a beam of 8 m
 _END_SHARE = 0.95
 """The checked part of a beam ends at this share of its range, because a beam that grazes the ground is within
 the noise of it long before its reading."""
-_END_MARGIN = 0.10
-"""... and at least this far before it [m], because readings and contact have errors."""
-_LEAST_RANGE = 0.05
-"""Shorter beams are left out [m]: the scanner hit its own carrier."""
-_CANDIDATES = 8
-"""Nearest viewpoints that are tried for a reading whose own is unknown, until one sees it."""
+_END_MARGIN = 0.10  # ... and at least this far before it [m], because readings and contact have errors.
+_LEAST_RANGE = 0.05  # Shorter beams are left out [m]: the scanner hit its own carrier
+_CANDIDATES = 8  # Nearest viewpoints that are tried for a reading whose own is unknown, until one sees it
 
 
 class Beams(NamedTuple):
-    """Readings with the places that they were seen from.
+    """Readings with the places that they were seen from."""
 
-    Attributes:
-        origins: viewpoint of each reading [m].
-        directions: unit vectors to the readings.
-        ranges: distances of the readings [m].
-    """
-
-    origins: Float[np.ndarray, "R 3"]
-    directions: Float[np.ndarray, "R 3"]
-    ranges: Float[np.ndarray, " R"]
+    origins: Float[np.ndarray, "R 3"]  # viewpoint of each reading [m]
+    directions: Float[np.ndarray, "R 3"]  # unit vectors to the readings
+    ranges: Float[np.ndarray, " R"]  # distances of the readings [m]
 
 
 @dataclass(frozen=True)
 class Visibility:
-    """Shares that compare an arena with the beams of its scan.
+    """Shares that compare an arena with the beams of its scan."""
 
-    Attributes:
-        beams_contact: share of beams that end on contact geometry within reach of their reading; a beam whose
-            viewpoint is inside a piece does not.
-        beams_surface: the same on the surface.
-        free_space: share of the points along the beams, before the reading, that are inside contact geometry.
-        num_beams: number of beams.
-    """
-
+    # share of beams that end on contact geometry within reach of their reading; a beam whose viewpoint is
+    # inside a piece does not
     beams_contact: float
-    beams_surface: float
+    beams_surface: float  # the same on the surface
+    # share of the points along the beams, before the reading, that are inside contact geometry
     free_space: float
-    num_beams: int
+    num_beams: int  # number of beams
 
 
 def measure_visibility(

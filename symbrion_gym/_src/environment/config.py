@@ -68,10 +68,8 @@ RANDOM_LIMITS = {
 }
 """Smallest and largest value of what may differ from episode to episode; units as in `Domain`."""
 RANDOM_OPTIONS = tuple(RANDOM_LIMITS)
-MAX_MODULES = 50
-"""More than any organism in use; the time of a step grows faster than their number."""
-MAX_TIMESTEP = 0.02
-"""Contacts are not resolved by longer physics steps [s]."""
+MAX_MODULES = 50  # More than any organism in use; the time of a step grows faster than their number
+MAX_TIMESTEP = 0.02  # Contacts are not resolved by longer physics steps [s]
 TASK_OPTIONS = (
     "start",
     "goal",
@@ -87,8 +85,7 @@ TASK_OPTIONS = (
     "pit_search",
 )
 """Options that are parameters of the task; None is the task's own value."""
-_INTERNAL = "default_"
-"""Options of this prefix are for registered ids; messages do not list them."""
+_INTERNAL = "default_"  # Options of this prefix are for registered ids; messages do not list them
 _NOT_NEGATIVE = ("track_speed", "noise")
 _POSITIVE = ("stretch", "hinge_torque", "timestep")
 _NOT_NEGATIVE_IF_GIVEN = (
@@ -106,96 +103,68 @@ _POSITIVE_IF_GIVEN = ("friction", "duration", "stuck_time")
 class EnvironmentConfig:
     """What an environment is made of.
 
-    Attributes:
-        arena: a name, a folder, a mesh file or an `Arena`.
-        modules: length of the snake, or an `Organism`.
-        organism: the body in place of `modules`: what `load_organism` reads, or an `Organism`.
-        pit: width of the pit of the named courses [m]; None for `default_pit`.
-        default_pit: width of the pit that a registered id sets [m]; None for the arena's own.
-        default_ends: start and goal, (x, y) [m], that a registered id sets for its own, named arena, where neither
-            is given.
-        course: sizes of an arena made in code, fields of `Course` or `StairsCourse`.
-        default_course: name of an arena made in code -> sizes that a registered id sets.
-        progress: called while a surface in a file is made an arena; None to log it.
-        stretch: factor on all lengths along x, to simulate errors of a scan.
-        friction: sliding friction of tracks and bodies on everything; None for the arena's own.
-        track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
-        hinge_torque: largest torque of the hinges [N m]; estimates range from 4 to 5.
-        sensors: parts of the observation, in order, of `SENSORS`.
-        noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
-        track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each, "skid" two
-            each, left and right.
-        tracks: how tracks are modeled; see `ScoutConfig`.
-        contact: model of friction: "pyramidal" (fast; friction is up to 29 % smaller along the diagonals of the arena's
-            axes, and a robot at rest on a slope creeps), or "elliptic" (equal in all directions, ten times stiffer
-            against creep; a step takes 1.1 to 1.9 times as long). See the page on physics.
-        timestep: physics step [s].
-        frame_skip: physics steps in a control step (tick).
-        timers: whether `info` contains the times of MuJoCo's timers.
-        randomize: reset options for every episode: name -> a number, or a pair (low, high) to draw from.
-        sensor_noise: standard deviations at `noise` 1; None for the defaults of `SensorNoise`.
-        task: a `Task`, or a name of `symbrion_gym.tasks.TASKS`; None for `default_task`.
-        task_parameters: parameters of a named task; `from_options` takes them as options of their own.
-        recorders: what is kept of every episode, of `symbrion_gym._src.tasks.recorders`; `read_records` returns it.
-        default_task: name of the task that a registered id sets.
-        default_parameters: parameters that a registered id sets for its own task.
-        start: parameter of the task, as all that follow: where it starts; None for the task's own value.
-        goal: (x, y) or (x, y, z) to be reached [m].
-        bottomless: whether touching the floor of the pit ends the episode.
-        duration: an episode is truncated after this [s].
-        stuck_time: time without progress after which it is truncated as well [s].
-        stuck_progress: smallest progress that counts as such [m].
-        forward_weight: reward per meter of progress.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        criteria: limits of a success.
-        margins: distances of the route from ramp, pit and rim.
-        pit_search: what counts as a pit of a surface.
-
     Raises:
         OptionError: an option is out of range; the message names option, value and what is allowed.
         OrganismError: an impossible number of modules.
     """
 
-    arena: str | Path | Arena = "truth"
-    modules: int | Organism = 8
-    pit: float | None = None
+    arena: str | Path | Arena = "truth"  # a name, a folder, a mesh file or an `Arena`
+    modules: int | Organism = 8  # length of the snake, or an `Organism`
+    pit: float | None = None  # width of the pit of the named courses [m]; None for `default_pit`
+    # width of the pit that a registered id sets [m]; None for the arena's own
     default_pit: float | None = None
+    # start and goal, (x, y) [m], that a registered id sets for its own, named arena, where neither is given
     default_ends: tuple[tuple[float, float], tuple[float, float]] | None = None
+    # sizes of an arena made in code, fields of `Course` or `StairsCourse`
     course: Mapping[str, Any] = field(default_factory=dict)
+    # name of an arena made in code -> sizes that a registered id sets
     default_course: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    progress: Progress | None = None
-    stretch: float = 1.0
+    progress: Progress | None = None  # called while a surface in a file is made an arena; None to log it
+    stretch: float = 1.0  # factor on all lengths along x, to simulate errors of a scan
+    # sliding friction of tracks and bodies on everything; None for the arena's own
     friction: float | None = None
-    track_speed: float = 0.10
-    hinge_torque: float = 4.5
-    sensors: tuple[str, ...] = DEFAULT_SENSORS
-    noise: float = 0.0
+    track_speed: float = 0.10  # surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15
+    hinge_torque: float = 4.5  # largest torque of the hinges [N m]; estimates range from 4 to 5
+    sensors: tuple[str, ...] = DEFAULT_SENSORS  # parts of the observation, in order, of `SENSORS`
+    noise: float = 0.0  # factor on the sensor noise: 0 for none, 1 as estimated for the real robot
+    # "constant", or track speeds are part of the action: "body" one, "modules" one each, "skid" two each,
+    # left and right
     track_control: str = "constant"
-    tracks: str = "spheres"
+    tracks: str = "spheres"  # how tracks are modeled; see `ScoutConfig`
+    # model of friction: "pyramidal" (fast; friction is up to 29 % smaller along the diagonals of the arena's
+    # axes, and a robot at rest on a slope creeps), or "elliptic" (equal in all directions, ten times stiffer
+    # against creep; a step takes 1.1 to 1.9 times as long). See the page on physics.
     contact: str = "pyramidal"
-    timestep: float = 0.005
-    frame_skip: int = 4
-    timers: bool = False
+    timestep: float = 0.005  # physics step [s]
+    frame_skip: int = 4  # physics steps in a control step (tick)
+    timers: bool = False  # whether `info` contains the times of MuJoCo's timers
+    # reset options for every episode: name -> a number, or a pair (low, high) to draw from
     randomize: Mapping[str, Any] = field(default_factory=dict)
+    # standard deviations at `noise` 1; None for the defaults of `SensorNoise`
     sensor_noise: SensorNoise | None = None
+    # a `Task`, or a name of `symbrion_gym.tasks.TASKS`; None for `default_task`
     task: Task | str | None = None
+    # parameters of a named task; `from_options` takes them as options of their own
     task_parameters: Mapping[str, Any] = field(default_factory=dict)
+    # what is kept of every episode, of `symbrion_gym._src.tasks.recorders`; `read_records` returns it
     recorders: tuple[Recorder, ...] = ()
-    default_task: str = "snake_pit"
+    default_task: str = "snake_pit"  # name of the task that a registered id sets
+    # parameters that a registered id sets for its own task
     default_parameters: Mapping[str, Any] = field(default_factory=dict)
+    # parameter of the task, as all that follow: where it starts; None for the task's own value
     start: StartName | Point | None = None
-    goal: Point | None = None
-    bottomless: bool | None = None
-    duration: float | None = None
-    stuck_time: float | None = None
-    stuck_progress: float | None = None
-    forward_weight: float | None = None
-    success_bonus: float | None = None
-    effort_weight: float | None = None
-    criteria: SuccessCriteria | None = None
-    margins: RouteMargins | None = None
-    pit_search: GapSearch | None = None
+    goal: Point | None = None  # (x, y) or (x, y, z) to be reached [m]
+    bottomless: bool | None = None  # whether touching the floor of the pit ends the episode
+    duration: float | None = None  # an episode is truncated after this [s]
+    stuck_time: float | None = None  # time without progress after which it is truncated as well [s]
+    stuck_progress: float | None = None  # smallest progress that counts as such [m]
+    forward_weight: float | None = None  # reward per meter of progress
+    success_bonus: float | None = None  # reward of a success
+    effort_weight: float | None = None  # cost per joule of the hinges' work
+    criteria: SuccessCriteria | None = None  # limits of a success
+    margins: RouteMargins | None = None  # distances of the route from ramp, pit and rim
+    pit_search: GapSearch | None = None  # what counts as a pit of a surface
+    # the body in place of `modules`: what `load_organism` reads, or an `Organism`
     organism: int | str | Path | Organism | None = None
 
     def __post_init__(self) -> None:

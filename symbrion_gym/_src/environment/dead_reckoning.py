@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 LEAST_LEVEL = 0.2
 """Cosine of the pitch that is assumed of steeper modules: near the vertical a heading would turn at any rate."""
-FAR = 100.0
-"""Goals that are at no place lie straight ahead, this far away [m]."""
+FAR = 100.0  # Goals that are at no place lie straight ahead, this far away [m]
 
 
 class DeadReckoning:

@@ -24,10 +24,8 @@ from symbrion_gym._src.tasks.task import Task
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 from symbrion_gym._src.tasks.watch import Watch
 
-_LOWEST = MEASURES.index("lowest")
-"""Heights of the lowest modules, and the least z of an up axis after them."""
-_SOUND = 0.98
-"""Share of the square of the largest rate at which the sum of all squares leaves no doubt."""
+_LOWEST = MEASURES.index("lowest")  # Heights of the lowest modules, and the least z of an up axis after them
+_SOUND = 0.98  # Share of the square of the largest rate at which the sum of all squares leaves no doubt
 
 
 def name_numbers(task: Task) -> tuple[str, ...]:
@@ -42,33 +40,20 @@ def name_flags(task: Task) -> tuple[str, ...]:
 
 
 class Start(NamedTuple):
-    """The start of an episode in one simulation.
+    """The start of an episode in one simulation."""
 
-    Attributes:
-        row: index of the simulation.
-        track_speed: [m/s].
-        scene: arena and way, if the simulation is in another world than before.
-    """
-
-    row: int
-    track_speed: float
-    scene: Scene | None = None
+    row: int  # index of the simulation
+    track_speed: float  # [m/s]
+    scene: Scene | None = None  # arena and way, if the simulation is in another world than before
 
 
 class Ticks(NamedTuple):
-    """How a tick ended in every simulation; nothing in those that stood still.
+    """How a tick ended in every simulation; nothing in those that stood still."""
 
-    Attributes:
-        reward: reward of the tick.
-        terminated: whether the episode ended by what happened.
-        truncated: whether it ended by its time.
-        has_ended: whether any episode ended.
-    """
-
-    reward: Float[np.ndarray, " N"]
-    terminated: Bool[np.ndarray, " N"]
-    truncated: Bool[np.ndarray, " N"]
-    has_ended: bool
+    reward: Float[np.ndarray, " N"]  # reward of the tick
+    terminated: Bool[np.ndarray, " N"]  # whether the episode ended by what happened
+    truncated: Bool[np.ndarray, " N"]  # whether it ended by its time
+    has_ended: bool  # whether any episode ended
 
 
 class Episodes:

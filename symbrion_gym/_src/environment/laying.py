@@ -14,35 +14,24 @@ from symbrion_gym._src.robot.organism import Organism, snake
 
 LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
-_SAMPLES = 0.005
-"""Spacing of the heights along the start line [m], small against a module."""
-_LINE_MARGIN = 0.2
-"""The line of heights reaches this much farther than the organism at both ends [m]."""
+_SAMPLES = 0.005  # Spacing of the heights along the start line [m], small against a module
+_LINE_MARGIN = 0.2  # The line of heights reaches this much farther than the organism at both ends [m]
 _FOOTPRINT = 0.06 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.0, 0.0]])
 """Points of a module over which the highest ground is taken where organisms are no snakes [m]: a little beyond its
 sides, which are 0.0525 m from its center."""
-_NUM_ITERATIONS = 8
-"""Of the fixed-point iteration that puts a module's end on the ground."""
-_SMALLEST_STEP = 0.2
-"""A module stands no steeper than this share of its length along the ground."""
-_STRETCH = 20
-"""The ground on a storey is followed over as many samples at a time: a module's length."""
+_NUM_ITERATIONS = 8  # Of the fixed-point iteration that puts a module's end on the ground
+_SMALLEST_STEP = 0.2  # A module stands no steeper than this share of its length along the ground
+_STRETCH = 20  # The ground on a storey is followed over as many samples at a time: a module's length
 _STOREY_RISE = 0.10
 """Ground that rises by more than this over such a stretch is what hangs above, not ground [m]."""
 
 
 class LaidPose(NamedTuple):
-    """An organism at rest on the ground.
+    """An organism at rest on the ground."""
 
-    Attributes:
-        position: center of module 0 [m].
-        quaternion: its orientation (w, x, y, z).
-        hinges: angles of the working hinges, in the order of `Organism.hinges` [rad].
-    """
-
-    position: Float[np.ndarray, " 3"]
-    quaternion: Float[np.ndarray, " 4"]
-    hinges: Float[np.ndarray, " h"]
+    position: Float[np.ndarray, " 3"]  # center of module 0 [m]
+    quaternion: Float[np.ndarray, " 4"]  # its orientation (w, x, y, z)
+    hinges: Float[np.ndarray, " h"]  # angles of the working hinges, in the order of `Organism.hinges` [rad]
 
 
 class GroundPlacement:

@@ -11,12 +11,9 @@ from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.robot.organism_sensors import MEASURED, find_free_sides
 from symbrion_gym._src.robot.scout_sensors import SensorNoise
 
-_LARGEST_RATE = 20.0
-"""Bound of the hinges' rates [rad/s], beyond what their servos reach."""
-LARGEST_DISTANCE = 100.0
-"""Bound of distances along the route [m], beyond any arena."""
-_ANGLE_MARGIN = 1.1
-"""Hinges give a little beyond their range under load: factor on its bounds."""
+_LARGEST_RATE = 20.0  # Bound of the hinges' rates [rad/s], beyond what their servos reach
+LARGEST_DISTANCE = 100.0  # Bound of distances along the route [m], beyond any arena
+_ANGLE_MARGIN = 1.1  # Hinges give a little beyond their range under load: factor on its bounds
 _FORCE_MARGIN = 5
 """Docks never tear: factor on the force that they hold, for the bounds of what they may read."""
 NOTHING_HIT = 1.0

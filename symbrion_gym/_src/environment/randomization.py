@@ -15,41 +15,26 @@ from symbrion_gym._src.robot.tracks import compute_surface_velocity
 
 
 class ModelFields(Protocol):
-    """A model, or one simulation's part of a batch's model fields.
+    """A model, or one simulation's part of a batch's model fields."""
 
-    Attributes:
-        geom_friction: friction coefficients of the geoms.
-        actuator_forcerange: smallest and largest torque of the actuators [N m].
-        geom_surfacevel: surface velocity of the geoms, linear [m/s] and angular [rad/s].
-    """
-
-    geom_friction: Float[np.ndarray, "ngeom 3"]
-    actuator_forcerange: Float[np.ndarray, "nu 2"]
+    geom_friction: Float[np.ndarray, "ngeom 3"]  # friction coefficients of the geoms
+    actuator_forcerange: Float[np.ndarray, "nu 2"]  # smallest and largest torque of the actuators [N m]
+    # surface velocity of the geoms, linear [m/s] and angular [rad/s]
     geom_surfacevel: Float[np.ndarray, "ngeom 6"]
 
 
 class Domain(NamedTuple):
-    """The circumstances of one episode.
+    """The circumstances of one episode."""
 
-    Attributes:
-        friction: sliding friction of the robot on the ground; friction patches scale with it.
-        torque_scale: factor on the largest hinge torque.
-        start_offset: displacement of the start along the route [m].
-        start_lateral: displacement of the start to the left [m].
-        yaw: rotation of the organism about its head [rad].
-        track_speed: surface speed of the tracks [m/s].
-        roll: the organism turned about the axis of its head at the start [rad].
-        patch_friction: where in their intervals the frictions of all patches lie: 0 in the middle, ±1 at the ends of
-            the 95 % interval.
-    """
-
-    friction: float
-    torque_scale: float
-    start_offset: float
-    start_lateral: float
-    yaw: float
-    track_speed: float
-    roll: float = 0.0
+    friction: float  # sliding friction of the robot on the ground; friction patches scale with it
+    torque_scale: float  # factor on the largest hinge torque
+    start_offset: float  # displacement of the start along the route [m]
+    start_lateral: float  # displacement of the start to the left [m]
+    yaw: float  # rotation of the organism about its head [rad]
+    track_speed: float  # surface speed of the tracks [m/s]
+    roll: float = 0.0  # the organism turned about the axis of its head at the start [rad]
+    # where in their intervals the frictions of all patches lie: 0 in the middle, ±1 at the ends of the 95 %
+    # interval
     patch_friction: float = 0.0
 
 

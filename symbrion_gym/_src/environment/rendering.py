@@ -20,32 +20,21 @@ _TURNS = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150
 _LIFTS = (0.0, -20.0, -40.0, -65.0)
 """... at each of these changes of the elevation [deg]: looking down more steeply, up to `_STEEPEST`."""
 _STEEPEST = -85.0
-_MOST_SHEETS = 8
-"""Surfaces seen from behind, which are not drawn, that a line of sight passes at most."""
-_STEP = 1e-4
-"""A line of sight goes on this far behind a surface [m]."""
-_CLEARANCE = 0.9
-"""Share of the free way that is used where no view is free."""
-_LEAST_DISTANCE = 0.3
-"""The camera is not nearer to the organism than this [m]."""
+_MOST_SHEETS = 8  # Surfaces seen from behind, which are not drawn, that a line of sight passes at most
+_STEP = 1e-4  # A line of sight goes on this far behind a surface [m]
+_CLEARANCE = 0.9  # Share of the free way that is used where no view is free
+_LEAST_DISTANCE = 0.3  # The camera is not nearer to the organism than this [m]
 
 
-_SEEN_SHARE = 0.5
-"""Share of the points that a free view shows."""
+_SEEN_SHARE = 0.5  # Share of the points that a free view shows
 
 
 class View(NamedTuple):
-    """Where a camera stands, seen from what it looks at.
+    """Where a camera stands, seen from what it looks at."""
 
-    Attributes:
-        azimuth: direction in plan in which it looks [deg].
-        elevation: negative looks down [deg].
-        distance: [m].
-    """
-
-    azimuth: float
-    elevation: float
-    distance: float
+    azimuth: float  # direction in plan in which it looks [deg]
+    elevation: float  # negative looks down [deg]
+    distance: float  # [m]
 
 
 class Sight:
@@ -121,29 +110,21 @@ def _find_way(view: View) -> Float[np.ndarray, " 3"]:
 
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
 logger = logging.getLogger(__name__)
-_MAX_GEOMS = 4000
-"""Geoms that an image can hold, beside those of the model."""
+_MAX_GEOMS = 4000  # Geoms that an image can hold, beside those of the model
 
 
 _LAG = 0.5
 """Time after which the camera has gone two thirds of the way to the organism [s]; longer is smoother."""
-_DISTANCE = 0.75
-"""The camera is this far from the organism [m] ..."""
-_DISTANCE_PER_LENGTH = 0.95
-"""... and per meter of its length, so that all of it is seen."""
-_AZIMUTH = 105.0
-"""Relative to the heading of the route [deg]; 90 is from its right side, more looks back."""
-_ELEVATION = -18.0
-"""Negative looks down [deg]."""
-_NEAREST = 0.03
-"""What is nearer to the camera is not drawn [m]; in large scenes MuJoCo would leave out more."""
+_DISTANCE = 0.75  # The camera is this far from the organism [m] ..
+_DISTANCE_PER_LENGTH = 0.95  # ... and per meter of its length, so that all of it is seen.
+_AZIMUTH = 105.0  # Relative to the heading of the route [deg]; 90 is from its right side, more looks back
+_ELEVATION = -18.0  # Negative looks down [deg]
+_NEAREST = 0.03  # What is nearer to the camera is not drawn [m]; in large scenes MuJoCo would leave out more
 _CONTACT_GAP = 0.02
 """The contact geometry of the arena is drawn over its surface where its 95th percentile is farther off than
 this [m], a step that is seen in the image; inf never draws it."""
-_CONTACT_UNCOVERED = 0.01
-"""Likewise where more than this share of the surface has no contact."""
-_CONTACT_OPACITY = 0.35
-"""How much of the surface contact hides, from 0 to 1."""
+_CONTACT_UNCOVERED = 0.01  # Likewise where more than this share of the surface has no contact
+_CONTACT_OPACITY = 0.35  # How much of the surface contact hides, from 0 to 1
 
 
 def shows_contact(quality: ArenaQuality) -> bool:

@@ -12,22 +12,15 @@ from symbrion_gym._src.environment.laying import LIFT
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.tasks.scene import Scene
 
-_MARGIN = 0.05
-"""Contacts are foreseen from this distance on [m]."""
-_STEP = 0.02
-"""A module moves at most this far up or down in an iteration [m], well within the margin."""
-_REACH = 2.0
-"""Parts of the body move no farther than this many times that [m]."""
-_ROUGHLY = 4e-3
-"""The body is first settled up to this step [m], put back to its place, and settled again."""
+_MARGIN = 0.05  # Contacts are foreseen from this distance on [m]
+_STEP = 0.02  # A module moves at most this far up or down in an iteration [m], well within the margin
+_REACH = 2.0  # Parts of the body move no farther than this many times that [m]
+_ROUGHLY = 4e-3  # The body is first settled up to this step [m], put back to its place, and settled again
 _TURN_PER_STEP = 5.0
 """Joints turn at most this much per meter of that step [rad/m]: 0.1 rad, where arcs are still nearly straight."""
-_SHORTEST_STEP = 2e-4
-"""The body has settled when no longer step lowers it [m]."""
-_ENOUGH = 1e-5
-"""Likewise when an iteration lowers its center of mass by less [m]."""
-_MAX_ITERATIONS = 60
-"""More than any organism on the arenas at hand needs."""
+_SHORTEST_STEP = 2e-4  # The body has settled when no longer step lowers it [m]
+_ENOUGH = 1e-5  # Likewise when an iteration lowers its center of mass by less [m]
+_MAX_ITERATIONS = 60  # More than any organism on the arenas at hand needs
 _PENALTY = 10.0
 """Weight of the deepest overlap against the height of the center of mass: overlaps are removed first."""
 _FRICTION = 0.4
@@ -37,23 +30,14 @@ _DANGLING = np.pi / 3
 
 
 class _Linearized(NamedTuple):
-    """The body in one pose, and how it changes with a small step of what moves, `m` degrees of freedom.
+    """The body in one pose, and how it changes with a small step of what moves, `m` degrees of freedom."""
 
-    Attributes:
-        qpos: the pose.
-        distance: distances to the ground [m].
-        leaving: their change.
-        height: of the center of mass [m].
-        lifting: its change.
-        shifting: change of the places of the modules' undersides.
-    """
-
-    qpos: Float[np.ndarray, " nq"]
-    distance: Float[np.ndarray, " C"]
-    leaving: Float[np.ndarray, "C m"]
-    height: float
-    lifting: Float[np.ndarray, " m"]
-    shifting: Float[np.ndarray, "n 3 m"]
+    qpos: Float[np.ndarray, " nq"]  # the pose
+    distance: Float[np.ndarray, " C"]  # distances to the ground [m]
+    leaving: Float[np.ndarray, "C m"]  # their change
+    height: float  # of the center of mass [m]
+    lifting: Float[np.ndarray, " m"]  # its change
+    shifting: Float[np.ndarray, "n 3 m"]  # change of the places of the modules' undersides
 
     def compute_merit(self, gap: float) -> float:
         """Return what is minimized: height of the center of mass, and the deepest overlap."""

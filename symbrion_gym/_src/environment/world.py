@@ -37,8 +37,7 @@ from symbrion_gym._src.tasks.scene import Scene
 
 logger = logging.getLogger(__name__)
 _MADE_IN_CODE = ("truth", "simple", "stairs")
-_RESIZABLE = ("truth", "simple")
-"""Named arenas whose pit has a width of choice."""
+_RESIZABLE = ("truth", "simple")  # Named arenas whose pit has a width of choice
 
 
 def find_arena(config: EnvironmentConfig) -> Arena:
@@ -125,28 +124,18 @@ _STIFFNESS = 10.0
 """Of friction against that of contacts, of elliptic cones: a snake at rest on 20° creeps by 0.02 mm/s, not by 0.28."""
 _TIPPED = 0.1
 """A lone module that turns by more as it settles was not at rest on its line, but about to tip over an edge [rad]."""
-_SAME = 1e-9
-"""Numbers closer than this are equal but for rounding."""
+_SAME = 1e-9  # Numbers closer than this are equal but for rounding
 
 
 class Physics(NamedTuple):
-    """The state of N simulations, as live views or copies.
+    """The state of N simulations, as live views or copies."""
 
-    Attributes:
-        qpos: generalized coordinates.
-        qvel: their velocities.
-        position: centers of the modules [m], one physics step behind qpos.
-        rotation: their rotation matrices, row by row, likewise.
-        sensordata: readings of MuJoCo's sensors, likewise.
-        actuator_force: forces of the hinges [N m], then of the wheels, likewise.
-    """
-
-    qpos: Float[np.ndarray, "N nq"]
-    qvel: Float[np.ndarray, "N nv"]
-    position: Float[np.ndarray, "N n 3"]
-    rotation: Float[np.ndarray, "N n 9"]
-    sensordata: Float[np.ndarray, "N S"]
-    actuator_force: Float[np.ndarray, "N nu"]
+    qpos: Float[np.ndarray, "N nq"]  # generalized coordinates
+    qvel: Float[np.ndarray, "N nv"]  # their velocities
+    position: Float[np.ndarray, "N n 3"]  # centers of the modules [m], one physics step behind qpos
+    rotation: Float[np.ndarray, "N n 9"]  # their rotation matrices, row by row, likewise
+    sensordata: Float[np.ndarray, "N S"]  # readings of MuJoCo's sensors, likewise
+    actuator_force: Float[np.ndarray, "N nu"]  # forces of the hinges [N m], then of the wheels, likewise
 
 
 class World:

@@ -17,32 +17,21 @@ from reconstruction._src.geometry.pose import make_quarter_turn
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.tracks import compute_turning_rate
 
-_GRAVITY = 9.81
-"""[m/s²]."""
+_GRAVITY = 9.81  # [m/s²]
 _TIME_CONSTANT, _LEAST_IMPEDANCE, _LARGEST_IMPEDANCE = 0.02, 0.9, 0.95
 """MuJoCo's defaults of `solref` [s] and `solimp`."""
-_LEAST_SLIP = 1e-5
-"""Slip below which friction grows in proportion to it [m/s]: keeps the balance smooth."""
-_STAGES = 12
-"""The gain is reached in as many stages, so that each balance starts near its solution."""
+_LEAST_SLIP = 1e-5  # Slip below which friction grows in proportion to it [m/s]: keeps the balance smooth
+_STAGES = 12  # The gain is reached in as many stages, so that each balance starts near its solution
 
 
 class Contacts(NamedTuple):
-    """Where a robot's belts touch the ground.
+    """Where a robot's belts touch the ground."""
 
-    Attributes:
-        points: x ahead and y left of the robot's middle [m].
-        belts: speed of the belt at each [m/s].
-        owner: index of the body that each belongs to.
-        centers: (x, y) of the center of mass of each body [m].
-        weights: of each body; their sum does not matter.
-    """
-
-    points: Float[np.ndarray, "N 2"]
-    belts: Float[np.ndarray, " N"]
-    owner: Int[np.ndarray, " N"]
-    centers: Float[np.ndarray, "bodies 2"]
-    weights: Float[np.ndarray, " bodies"]
+    points: Float[np.ndarray, "N 2"]  # x ahead and y left of the robot's middle [m]
+    belts: Float[np.ndarray, " N"]  # speed of the belt at each [m/s]
+    owner: Int[np.ndarray, " N"]  # index of the body that each belongs to
+    centers: Float[np.ndarray, "bodies 2"]  # (x, y) of the center of mass of each body [m]
+    weights: Float[np.ndarray, " bodies"]  # of each body; their sum does not matter
 
 
 def compute_load_gain(friction: float, impratio: float = 1.0, time_constant: float = _TIME_CONSTANT) -> float:
@@ -109,8 +98,7 @@ BELT_MODELS = ("belts", "wheels")
 SIDES = ("left", "right")
 _STILL = 1e-9
 """Surface velocity at compilation [rad/s]: MuJoCo ignores those that are written later to a model without any."""
-_PARTS = 3
-"""Geoms of a belt."""
+_PARTS = 3  # Geoms of a belt
 _OTHER_FRICTION = (0.005, 0.0001)
 """Torsional and rolling friction: MuJoCo's defaults, without effect in contacts of three dimensions."""
 _RUBBER = (0.12, 0.12, 0.13, 1.0)
@@ -120,39 +108,30 @@ _RUBBER = (0.12, 0.12, 0.13, 1.0)
 class TracksConfig:
     """Two tracks, side by side.
 
-    Attributes:
-        length: of a belt, over all [m].
-        gauge: distance between the middles of both belts [m].
-        width: of a belt [m].
-        height: of a belt, twice the radius of the wheels at its ends [m].
-        position: middle between both belts in the frame of the body; x is ahead, y left, z up [m].
-        mass: of both belts together [kg].
-        friction: sliding friction on the ground; it replaces that of the ground, but not that of a friction patch.
-        model: "belts" are geoms of the body with a surface velocity, without joints; "wheels" are driven wheels with
-            nothing between them and an actuator a side, so that the speed is a control. They turn 7 to 30 % slower than
-            `Tracks.turning_rate` says, and need the integrator `implicitfast`.
-        num_wheels: of "wheels", a side.
-        motor_mass: inertia of motor and gear of "wheels", as a mass that moves with the belt [kg]: with less, stiff
-            wheels tremble.
-        gain: pull of a belt per error of its speed [N s/m], of "wheels": stiff, so that slopes hardly slow it down.
-        max_force: largest pull of a belt [N], of "wheels".
-
     Raises:
         OrganismError: a value is out of range.
     """
 
-    length: float = 0.4
-    gauge: float = 0.3
-    width: float = 0.06
-    height: float = 0.1
+    length: float = 0.4  # of a belt, over all [m]
+    gauge: float = 0.3  # distance between the middles of both belts [m]
+    width: float = 0.06  # of a belt [m]
+    height: float = 0.1  # of a belt, twice the radius of the wheels at its ends [m]
+    # middle between both belts in the frame of the body; x is ahead, y left, z up [m]
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    mass: float = 1.0
+    mass: float = 1.0  # of both belts together [kg]
+    # sliding friction on the ground; it replaces that of the ground, but not that of a friction patch
     friction: float = 0.7
+    # "belts" are geoms of the body with a surface velocity, without joints; "wheels" are driven wheels with
+    # nothing between them and an actuator a side, so that the speed is a control. They turn 7 to 30 % slower
+    # than `Tracks.turning_rate` says, and need the integrator `implicitfast`.
     model: str = "belts"
-    num_wheels: int = 2
+    num_wheels: int = 2  # of "wheels", a side
+    # inertia of motor and gear of "wheels", as a mass that moves with the belt [kg]: with less, stiff wheels
+    # tremble
     motor_mass: float = 5.0
+    # pull of a belt per error of its speed [N s/m], of "wheels": stiff, so that slopes hardly slow it down
     gain: float = 5000.0
-    max_force: float = 100.0
+    max_force: float = 100.0  # largest pull of a belt [N], of "wheels"
 
     def __post_init__(self) -> None:
         positive = "length gauge width height mass friction motor_mass gain max_force"
@@ -189,15 +168,10 @@ class TracksConfig:
 
 @dataclass(frozen=True)
 class Tracks:
-    """The tracks of a robot, by their names: they hold in every model that is compiled of the spec.
+    """The tracks of a robot, by their names: they hold in every model that is compiled of the spec."""
 
-    Attributes:
-        config: their sizes.
-        prefix: put before the names of their geoms, joints and actuators.
-    """
-
-    config: TracksConfig
-    prefix: str = ""
+    config: TracksConfig  # their sizes
+    prefix: str = ""  # put before the names of their geoms, joints and actuators
 
     def renamed(self, prefix: str) -> Tracks:
         """Return the handle for a model into which the spec was attached with a prefix."""

@@ -29,8 +29,7 @@ _SHAPES = {"snake": (snake, 8), "cross": (cross, 2), "h": (letter_h, 3)}
 _NAME = re.compile(r"([a-z]+?)(\d{0,4})", re.IGNORECASE)
 _BACK, _ALONE = "0000", "SF0F"
 _PLAN = re.compile(r"[A-Z][A-Z0-9\s]{3,}(;[\d\s]*)?")
-_MAX_CHARACTERS = 100_000
-"""Longer files are no body plans."""
+_MAX_CHARACTERS = 100_000  # Longer files are no body plans
 
 
 def load_organism(what: int | str | Path | Organism, scout: ScoutConfig | None = None) -> Organism:

@@ -16,29 +16,19 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
 if TYPE_CHECKING:
     import mujoco
 
-Part = tuple[str, int]
-"""("chassis" or "arm", module)."""
-RigidGroup = frozenset[Part]
-"""Parts that move as one body."""
-_ROUNDING = 1e-6
-"""Distances that differ by less are the same [m]."""
+Part = tuple[str, int]  # ("chassis" or "arm", module)
+RigidGroup = frozenset[Part]  # Parts that move as one body
+_ROUNDING = 1e-6  # Distances that differ by less are the same [m]
 
 
 @dataclass(frozen=True)
 class Docking:
-    """Two docks joined.
+    """Two docks joined."""
 
-    Attributes:
-        first: index of a module.
-        first_side: its dock: "front" (on the hinged arm), "back", "left" or "right".
-        second: index of the other module.
-        second_side: its dock.
-    """
-
-    first: int
-    first_side: str
-    second: int
-    second_side: str
+    first: int  # index of a module
+    first_side: str  # its dock: "front" (on the hinged arm), "back", "left" or "right"
+    second: int  # index of the other module
+    second_side: str  # its dock
 
     @property
     def ends(self) -> tuple[tuple[int, str], tuple[int, str]]:

@@ -33,14 +33,11 @@ __all__ = [
     "make_scout",
 ]
 
-_BODY_RECESS = 0.009
-"""How far the chassis lies within the tracks [m] (estimate)."""
+_BODY_RECESS = 0.009  # How far the chassis lies within the tracks [m] (estimate)
 _CYLINDER_CHASSIS = (0.033, 0.040, 0.040)
 """Half sizes of the chassis within the authors' cylinders [m] (estimate)."""
-_MARKER_SIZE = 0.004
-"""Radius at which the sites of modules and docks are drawn [m]."""
-_MARKER_GROUP = 5
-"""Their geom group; not drawn unless asked for."""
+_MARKER_SIZE = 0.004  # Radius at which the sites of modules and docks are drawn [m]
+_MARKER_GROUP = 5  # Their geom group; not drawn unless asked for
 
 
 def add_chassis(

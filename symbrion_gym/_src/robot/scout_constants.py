@@ -9,13 +9,10 @@ from reconstruction._src.base.range_checks import check_counts, check_not_negati
 from symbrion_gym._src.errors import OrganismError
 
 TRACK_MODELS = ("spheres", "wheels", "cylinders", "capsules")
-CYLINDER_TRACKS = ("cylinders", "capsules")
-"""Tracks with the places and the radius of the authors' cylinders."""
+CYLINDER_TRACKS = ("cylinders", "capsules")  # Tracks with the places and the radius of the authors' cylinders
 SIDES = ("front", "back", "left", "right")
-CONTACT_GROUP = 4
-"""Geom group of what touches; not drawn unless asked for."""
-ARM_RADIUS = 0.015
-"""The arm ends in a rounded bar across, 60 mm wide and of this radius [m] (estimate)."""
+CONTACT_GROUP = 4  # Geom group of what touches; not drawn unless asked for
+ARM_RADIUS = 0.015  # The arm ends in a rounded bar across, 60 mm wide and of this radius [m] (estimate)
 
 
 @dataclass(frozen=True)

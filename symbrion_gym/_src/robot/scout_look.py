@@ -22,8 +22,7 @@ _COLORS = {
 }
 _UNSEEN = "scout_unseen_by_rays"
 """A material without opacity: rays pass, while the color of the geom itself is drawn."""
-_BELT_WIDTH = 0.019
-"""Of the tracks' belts [m]."""
+_BELT_WIDTH = 0.019  # Of the tracks' belts [m]
 
 
 def add_chassis_visual(

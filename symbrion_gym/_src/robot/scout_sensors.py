@@ -17,14 +17,11 @@ from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 
 _ACCELEROMETERS = {"front": (0.03, 0.0, 0.02), "rear": (-0.03, 0.0, 0.02)}
 """Where they sit in the frame of the module [m] (estimate)."""
-LASER_HEIGHT = 0.02
-"""Of the laser above the center of the module [m] (estimate)."""
+LASER_HEIGHT = 0.02  # Of the laser above the center of the module [m] (estimate)
 _SKIN = 0.005
 """The zone in which contacts are felt reaches this far beyond the chassis [m], over all that touches."""
-_SITE_GROUP = 5
-"""Geom group of the sites; not drawn unless asked for."""
-_SITE_SIZE = 0.002
-"""Radius at which they are drawn [m]."""
+_SITE_GROUP = 5  # Geom group of the sites; not drawn unless asked for
+_SITE_SIZE = 0.002  # Radius at which they are drawn [m]
 
 
 def add_sensor_sites(frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, config: ScoutConfig) -> None:
@@ -74,17 +71,11 @@ def _add_site(
 
 
 class ScoutRays(NamedTuple):
-    """Rays of a module's range sensors: the infrared units in the order of the observation, then the laser's beams.
+    """Rays of a module's range sensors: the infrared units in the order of the observation, then the laser's beams."""
 
-    Attributes:
-        origins: where they begin [m].
-        directions: unit vectors.
-        max_ranges: what is farther is not seen [m].
-    """
-
-    origins: Float[np.ndarray, "R 3"]
-    directions: Float[np.ndarray, "R 3"]
-    max_ranges: Float[np.ndarray, " R"]
+    origins: Float[np.ndarray, "R 3"]  # where they begin [m]
+    directions: Float[np.ndarray, "R 3"]  # unit vectors
+    max_ranges: Float[np.ndarray, " R"]  # what is farther is not seen [m]
 
 
 def find_scout_rays(config: ScoutConfig | None = None) -> ScoutRays:
@@ -113,32 +104,20 @@ class SensorNoise:
 
     All are estimates for the real robot: none was measured on it.
 
-    Attributes:
-        hinge_angle: [rad].
-        hinge_rate: [rad/s].
-        pitch: [rad].
-        roll: [rad].
-        acceleration: [m/s²].
-        ir: standard deviation of a distance [m].
-        contact: standard deviation of a force [N].
-        odometry: [m]; the paper's robot was localized within 1 cm.
-        track_odometry: standard deviation of each reading [m]; slip comes from the physics.
-        laser: standard deviation of a distance [m].
-
     Raises:
         OptionError: a number is negative.
     """
 
-    hinge_angle: float = 0.005
-    hinge_rate: float = 0.05
-    pitch: float = 0.01
-    roll: float = 0.01
-    acceleration: float = 0.3
-    ir: float = 0.003
-    contact: float = 0.5
-    odometry: float = 0.01
-    track_odometry: float = 0.01
-    laser: float = 0.006
+    hinge_angle: float = 0.005  # [rad]
+    hinge_rate: float = 0.05  # [rad/s]
+    pitch: float = 0.01  # [rad]
+    roll: float = 0.01  # [rad]
+    acceleration: float = 0.3  # [m/s²]
+    ir: float = 0.003  # standard deviation of a distance [m]
+    contact: float = 0.5  # standard deviation of a force [N]
+    odometry: float = 0.01  # [m]; the paper's robot was localized within 1 cm
+    track_odometry: float = 0.01  # standard deviation of each reading [m]; slip comes from the physics
+    laser: float = 0.006  # standard deviation of a distance [m]
 
     def __post_init__(self) -> None:
         check_not_negative(self, [each.name for each in fields(self)], OptionError)

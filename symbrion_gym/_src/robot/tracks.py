@@ -12,14 +12,11 @@ from scipy.optimize import least_squares
 from reconstruction._src.geometry.pose import PlanarPose, make_quarter_turn
 from symbrion_gym._src.robot.scout_constants import CONTACT_GROUP, CYLINDER_TRACKS, ScoutConfig
 
-_CYLINDER_RADIUS = 0.011
-"""Of the authors' cylinders [m] (danfis/sim)."""
-_CYLINDER_HALF_WIDTH = 0.004
-"""Likewise [m] (danfis/sim)."""
+_CYLINDER_RADIUS = 0.011  # Of the authors' cylinders [m] (danfis/sim)
+_CYLINDER_HALF_WIDTH = 0.004  # Likewise [m] (danfis/sim)
 _CYLINDER_PLACES = [(25, 42), (-16, 42), (25, -42), (-16, -42), (-42.5, 16), (-42.5, -16)]
 """(x, z) of the authors' cylinders of a side [mm] (danfis/sim)."""
-_CYLINDER_LATERAL = 0.0458
-"""Distance of their centers from the middle of the module [m] (danfis/sim)."""
+_CYLINDER_LATERAL = 0.0458  # Distance of their centers from the middle of the module [m] (danfis/sim)
 _WHEEL_SHAPES = {
     "wheels": mujoco.mjtGeom.mjGEOM_SPHERE,
     "cylinders": mujoco.mjtGeom.mjGEOM_CYLINDER,
@@ -27,8 +24,7 @@ _WHEEL_SHAPES = {
 }
 _OTHER_FRICTION = (0.005, 0.0001)
 """Torsional and rolling friction: MuJoCo's defaults, without effect in contacts of three dimensions."""
-_CONTACT_COLOR = (0.9, 0.4, 0.1, 0.0)
-"""Transparent, so that rays pass."""
+_CONTACT_COLOR = (0.9, 0.4, 0.1, 0.0)  # Transparent, so that rays pass
 
 
 def find_road_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
@@ -165,8 +161,7 @@ def add_contact(
     return geom
 
 
-_LEAST_SLIP = 1e-5
-"""Slip below which friction grows in proportion to it [m/s]: keeps the balance smooth."""
+_LEAST_SLIP = 1e-5  # Slip below which friction grows in proportion to it [m/s]: keeps the balance smooth
 
 
 def compute_turning_rate(

@@ -102,14 +102,10 @@ def round_to_pixels(ways: Float[np.ndarray, "N 3"], pixel: float) -> Float[np.nd
     return np.concatenate([np.cos(angle)[:, None], np.sin(angle)[:, None] * side], axis=1)
 
 
-DEFAULT_PATTERN = "checker"
-"""Of the courses by name, which have no colors of their own."""
-_GROUND = 0.5
-"""Gray of the ground around an arena, and of a pixel that shows nothing."""
-_RIM = 1e-3
-"""The arena ends this far outside of its box [m]."""
-_STREAM = 20
-"""The camera draws from a stream of its own: ranges are those of a survey without it."""
+DEFAULT_PATTERN = "checker"  # Of the courses by name, which have no colors of their own
+_GROUND = 0.5  # Gray of the ground around an arena, and of a pixel that shows nothing
+_RIM = 1e-3  # The arena ends this far outside of its box [m]
+_STREAM = 20  # The camera draws from a stream of its own: ranges are those of a survey without it
 
 
 def take_arena(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> Arena:

@@ -25,26 +25,16 @@ from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipSensors,
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
 
-_TIMESTEP = 0.0025
-"""[s]."""
-_BELT_LAG = 0.01
-"""Time in which tracks follow their command [s] (estimate)."""
-_SETTLING = 0.4
-"""Standing still at the start of a lane [s]."""
-_SAMPLE = 0.01
-"""Spacing of the heights along a lane [m]."""
-_CLEARANCE = 0.005
-"""The robot is set down from this height [m]."""
-_FALLEN = 0.15
-"""A module that is so much below the ground of its lane has fallen [m]."""
-_STEERING = (6.0, 1.5)
-"""Turning rate per lateral error [1/s per m] and per error of the heading [1/s]."""
-_TRACK_ARM = 0.04
-"""Half the distance of the tracks [m], for steering."""
-_MOST_TURN = 0.4
-"""Largest difference of the sides, as a share of the speed."""
-_ADVANCE = 0.02
-"""What counts as getting somewhere [m]."""
+_TIMESTEP = 0.0025  # [s]
+_BELT_LAG = 0.01  # Time in which tracks follow their command [s] (estimate)
+_SETTLING = 0.4  # Standing still at the start of a lane [s]
+_SAMPLE = 0.01  # Spacing of the heights along a lane [m]
+_CLEARANCE = 0.005  # The robot is set down from this height [m]
+_FALLEN = 0.15  # A module that is so much below the ground of its lane has fallen [m]
+_STEERING = (6.0, 1.5)  # Turning rate per lateral error [1/s per m] and per error of the heading [1/s]
+_TRACK_ARM = 0.04  # Half the distance of the tracks [m], for steering
+_MOST_TURN = 0.4  # Largest difference of the sides, as a share of the speed
+_ADVANCE = 0.02  # What counts as getting somewhere [m]
 
 
 class Lane(NamedTuple):

@@ -53,37 +53,25 @@ class SlipNoise:
 class FrictionRobot:
     """A snake of Scouts that drives lanes over an arena, its last module ahead, which drags in turn to either side.
 
-    Attributes:
-        modules: length of the snake; two pull, so that one that drags does not stop them on level ground.
-        speed: of the tracks [m/s] (estimates of the Scout's: 0.06 to 0.15).
-        drag_speed: how much slower, and in turn faster, the tracks of the last module run in a drag [m/s]: tracks hold
-            with all that friction gives from a slip of some 0.1 m/s.
-        cruise: time from one drag to the next [s].
-        drag: length of a drag [s].
-        spacing: distance of the lanes, along the longer side of the arena [m].
-        margin: of the lanes from the rim, and of their ends from steps [m].
-        highest_step: a lane ends where the ground changes by more within a centimeter [m].
-        least_run: stretches of a lane that are shorter are left out [m].
-        patience: a drive that gets nowhere for this long ends [s].
-        tick: from one reading to the next [s].
-        noise: errors of the sensors.
-
     Raises:
         SurveyError: a number is out of range.
     """
 
+    # length of the snake; two pull, so that one that drags does not stop them on level ground
     modules: int = 3
-    speed: float = 0.12
+    speed: float = 0.12  # of the tracks [m/s] (estimates of the Scout's: 0.06 to 0.15)
+    # how much slower, and in turn faster, the tracks of the last module run in a drag [m/s]: tracks hold with
+    # all that friction gives from a slip of some 0.1 m/s
     drag_speed: float = 0.24
-    cruise: float = 0.5
-    drag: float = 0.5
-    spacing: float = 0.4
-    margin: float = 0.15
-    highest_step: float = 0.01
-    least_run: float = 0.8
-    patience: float = 12.0
-    tick: float = 0.02
-    noise: SlipNoise = field(default_factory=SlipNoise)
+    cruise: float = 0.5  # time from one drag to the next [s]
+    drag: float = 0.5  # length of a drag [s]
+    spacing: float = 0.4  # distance of the lanes, along the longer side of the arena [m]
+    margin: float = 0.15  # of the lanes from the rim, and of their ends from steps [m]
+    highest_step: float = 0.01  # a lane ends where the ground changes by more within a centimeter [m]
+    least_run: float = 0.8  # stretches of a lane that are shorter are left out [m]
+    patience: float = 12.0  # a drive that gets nowhere for this long ends [s]
+    tick: float = 0.02  # from one reading to the next [s]
+    noise: SlipNoise = field(default_factory=SlipNoise)  # errors of the sensors
 
     def __post_init__(self) -> None:
         check_counts(self, ("modules",), SurveyError)

@@ -13,8 +13,7 @@ from symbrion_gym._src.errors import SurveyError
 
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(origin `[3]`, unit directions `[R, 3]`) -> distances `[R]` [m], inf where nothing is hit."""
-_UPRIGHT = 1e-9
-"""A beam whose sine to the z axis is smaller is parallel to it but for rounding."""
+_UPRIGHT = 1e-9  # A beam whose sine to the z axis is smaller is parallel to it but for rounding
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,10 @@ from symbrion_gym._src.arenas.spec import CONTACT_GROUP
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner
 
-_STEP_BEYOND = 1e-6
-"""How far behind an excluded geom a ray goes on [m]."""
+_STEP_BEYOND = 1e-6  # How far behind an excluded geom a ray goes on [m]
 _MAX_LAYERS = 32
 """A ray that meets more excluded geoms than this hits nothing: an organism has fewer along any line."""
-_INFRARED_NOISE = 0.002
-"""Standard deviation of an infrared unit's distance [m] (estimate)."""
+_INFRARED_NOISE = 0.002  # Standard deviation of an infrared unit's distance [m] (estimate)
 
 
 class RangeFinder:

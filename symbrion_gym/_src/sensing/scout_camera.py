@@ -19,10 +19,8 @@ from symbrion_gym._src.sensing.rangefinder import RangeFinder
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
 
-_FARTHEST = 50.0
-"""What is farther is not seen [m]."""
-_ON_SURFACE = 0.01
-"""What is farther from the arena's surface is another body [m]."""
+_FARTHEST = 50.0  # What is farther is not seen [m]
+_ON_SURFACE = 0.01  # What is farther from the arena's surface is another body [m]
 _BODY, _SKY, _WHITE = 0.4, 0.0, 255
 """Gray of other bodies, and of what is not there; the largest value of a channel."""
 _AXES = {"x": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "z": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]}

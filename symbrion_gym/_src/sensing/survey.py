@@ -33,16 +33,12 @@ if TYPE_CHECKING:
 _FIRST_WAYPOINT = 2
 """The drive begins next to the arena, not in a corner of the room, where little is seen of its length."""
 
-_SMALLEST = 1e-3
-"""The steps of a range reading are no smaller [m]."""
+_SMALLEST = 1e-3  # The steps of a range reading are no smaller [m]
 _LARGEST = 200.0
 """The scanner would see next to nothing of a larger mesh [m]; the file's unit is likely another."""
-_LEAST_VERTICES = 4
-"""A mesh with fewer is subdivided: MuJoCo takes none."""
-_REPORT_EVERY = 100
-"""Scans from one report of progress to the next."""
-_SAME_PLACE = 1e-6
-"""Waypoints closer than this are the same [m]."""
+_LEAST_VERTICES = 4  # A mesh with fewer is subdivided: MuJoCo takes none
+_REPORT_EVERY = 100  # Scans from one report of progress to the next
+_SAME_PLACE = 1e-6  # Waypoints closer than this are the same [m]
 
 
 def survey(

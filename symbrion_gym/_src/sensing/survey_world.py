@@ -15,47 +15,33 @@ from symbrion_gym._src.errors import SurveyError
 
 _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
 """Geom groups: the arena, the ground around it, black skirting, and the room's walls."""
-_THICKNESS = 0.2
-"""Of the walls [m]; rays see their insides alone."""
+_THICKNESS = 0.2  # Of the walls [m]; rays see their insides alone
 _SKIRT_DEPTH = 0.02
 """How far below the arena's lowest point the skirting hangs [m], so that no ray passes under it."""
-_FLOOR_DEPTH = 0.002
-"""Thickness of the ground [m]."""
-_WALL_DEPTH = 0.5
-"""How far the walls reach below the ground [m]."""
-Rectangle = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]
-"""Lowest and highest x and y [m]."""
+_FLOOR_DEPTH = 0.002  # Thickness of the ground [m]
+_WALL_DEPTH = 0.5  # How far the walls reach below the ground [m]
+Rectangle = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]  # Lowest and highest x and y [m]
 
 
 @dataclass(frozen=True)
 class SurveyRoom:
     """The room around the arena; its uneven walls are what the horizontal scanner is localized by.
 
-    Attributes:
-        gap: between the arena's bounding box and the ground around it [m].
-        margin: between the path and the walls [m].
-        height: height of the walls [m]; above the horizontal scanner.
-        pilaster_width: smallest and largest, along the wall [m].
-        pilaster_depth: smallest and largest, off the wall [m].
-        pilaster_spacing: smallest and largest distance from one to the next [m]; uneven, so that no two views
-            are alike.
-        first_pilaster: smallest and largest distance of the first from the corner [m].
-        last_pilaster: distance of the last from the other corner, at least [m].
-        seed: seed of the pilasters; another room for another seed.
-
     Raises:
         SurveyError: a number is out of range.
     """
 
-    gap: float = 0.10
-    margin: float = 1.5
-    height: float = 3.0
-    pilaster_width: tuple[float, float] = (0.25, 0.6)
-    pilaster_depth: tuple[float, float] = (0.25, 0.5)
+    gap: float = 0.10  # between the arena's bounding box and the ground around it [m]
+    margin: float = 1.5  # between the path and the walls [m]
+    height: float = 3.0  # height of the walls [m]; above the horizontal scanner
+    pilaster_width: tuple[float, float] = (0.25, 0.6)  # smallest and largest, along the wall [m]
+    pilaster_depth: tuple[float, float] = (0.25, 0.5)  # smallest and largest, off the wall [m]
+    # smallest and largest distance from one to the next [m]; uneven, so that no two views are alike
     pilaster_spacing: tuple[float, float] = (0.6, 1.6)
+    # smallest and largest distance of the first from the corner [m]
     first_pilaster: tuple[float, float] = (0.4, 1.0)
-    last_pilaster: float = 0.6
-    seed: int = 1
+    last_pilaster: float = 0.6  # distance of the last from the other corner, at least [m]
+    seed: int = 1  # seed of the pilasters; another room for another seed
 
     def __post_init__(self) -> None:
         check_not_negative(self, ("gap", "margin", "last_pilaster"), SurveyError)

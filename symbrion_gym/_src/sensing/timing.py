@@ -30,22 +30,15 @@ _STAGES = (
 
 @dataclass
 class Timing:
-    """What was measured; complete once the context is left.
+    """What was measured; complete once the context is left."""
 
-    Attributes:
-        num_steps: physics steps, of all simulations together.
-        physics_us: mean duration of a step, collisions and sensors included [µs].
-        collision_us: time of its collision detection [µs].
-        raycast_us: time of the rest of a step besides position, velocity, actuation and constraint [µs]: the
-            sensors, nearly all of it the rays of infrared units and laser.
-        overhead_us: cost of the timers in a step [µs], where it was asked for.
-    """
-
-    num_steps: int = 0
-    physics_us: float = 0.0
-    collision_us: float = 0.0
+    num_steps: int = 0  # physics steps, of all simulations together
+    physics_us: float = 0.0  # mean duration of a step, collisions and sensors included [µs]
+    collision_us: float = 0.0  # time of its collision detection [µs]
+    # time of the rest of a step besides position, velocity, actuation and constraint [µs]: the sensors,
+    # nearly all of it the rays of infrared units and laser
     raycast_us: float = 0.0
-    overhead_us: float = float("nan")
+    overhead_us: float = float("nan")  # cost of the timers in a step [µs], where it was asked for
 
 
 @contextmanager

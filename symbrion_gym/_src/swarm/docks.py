@@ -29,26 +29,19 @@ class DockConfig:
     All numbers are estimates of ours: units were told apart by cones that center them, whose catch is not in the
     sources at hand. The protocol of the robots (symbrion-morph) locks once both units touch and are aligned.
 
-    Attributes:
-        distance: largest gap between the units, beyond that of a docked pair [m]; also how far they may be pressed
-            into each other.
-        offset: largest displacement to the side [m].
-        height: largest displacement along the height of a module [m].
-        angle: largest angle between one unit's axis and the other's reversed axis [deg].
-        roll: largest rotation of the units against each other about their axis [deg].
-        mating_time: in which the cones pull a latched pair to its exact pose [s].
-        tears: whether a load above `dock_force` of the Scout opens a latch; else it is only reported.
-
     Raises:
         OrganismError: a value is out of range.
     """
 
+    # largest gap between the units, beyond that of a docked pair [m]; also how far they may be pressed into
+    # each other
     distance: float = 0.010
-    offset: float = 0.010
-    height: float = 0.008
-    angle: float = 10.0
-    roll: float = 10.0
-    mating_time: float = 1.0
+    offset: float = 0.010  # largest displacement to the side [m]
+    height: float = 0.008  # largest displacement along the height of a module [m]
+    angle: float = 10.0  # largest angle between one unit's axis and the other's reversed axis [deg]
+    roll: float = 10.0  # largest rotation of the units against each other about their axis [deg]
+    mating_time: float = 1.0  # in which the cones pull a latched pair to its exact pose [s]
+    # whether a load above `dock_force` of the Scout opens a latch; else it is only reported
     tears: bool = False
 
     def __post_init__(self) -> None:
@@ -62,16 +55,11 @@ class DockConfig:
 
 
 class DockFrames(NamedTuple):
-    """Frames of all docks in the arena; sides in the order of `SIDES`.
+    """Frames of all docks in the arena; sides in the order of `SIDES`."""
 
-    Attributes:
-        position: of the docks [m].
-        axis: unit vectors out of the module.
-        up: unit vectors along the height of the module, for the front dock that of its arm.
-    """
-
-    position: Float[np.ndarray, "N 4 3"]
-    axis: Float[np.ndarray, "N 4 3"]
+    position: Float[np.ndarray, "N 4 3"]  # of the docks [m]
+    axis: Float[np.ndarray, "N 4 3"]  # unit vectors out of the module
+    # unit vectors along the height of the module, for the front dock that of its arm
     up: Float[np.ndarray, "N 4 3"]
 
 

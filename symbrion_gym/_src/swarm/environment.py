@@ -24,8 +24,7 @@ from symbrion_gym._src.swarm.world import DECISION, SwarmCommands
 if TYPE_CHECKING:
     from symbrion_gym._src.swarm.film import SwarmCamera
 
-NUM_MESSAGES = 16
-"""Messages that a dock can send: numbers from 0 on."""
+NUM_MESSAGES = 16  # Messages that a dock can send: numbers from 0 on
 _NUM_DOCKS = len(SIDES)
 _LARGEST_SEED = 2**31
 

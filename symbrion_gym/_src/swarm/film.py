@@ -13,8 +13,7 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 VIEW_LENGTH = 1.8
 """The camera stays as far away as from an organism of this length [m]: it shows most of a swarm."""
-ELEVATION = -32.0
-"""Of the camera [deg]."""
+ELEVATION = -32.0  # Of the camera [deg]
 
 
 class SwarmCamera:

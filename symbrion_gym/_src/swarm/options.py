@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.swarm.docks import DockConfig
     from symbrion_gym._src.swarm.world import SwarmWorld
 
-FIDELITIES = ("kinematic", "dynamic")
-"""All robots simply and fast; all in full contact."""
+FIDELITIES = ("kinematic", "dynamic")  # All robots simply and fast; all in full contact
 
 
 def check_fidelity(fidelity: str) -> None:
@@ -51,24 +50,16 @@ MOST_ROBOTS = 1000
 class SwarmOptions:
     """Options of `swarm_v0.parallel_env`.
 
-    Attributes:
-        arena: a name, a folder, a mesh file or an `Arena` with a pit.
-        num_robots: robots, all Scouts.
-        duration: of an episode [s].
-        success_bonus: reward of every robot once all are beyond the pit, undocked and upright.
-        noise: factor on the noise of the sensors; 0 for none.
-        fidelity: level of physics, one of `FIDELITIES`.
-
     Raises:
         OptionError: a value is out of range.
     """
 
-    arena: str | Path | Arena = "gsrm"
-    num_robots: int = 8
-    duration: float = 900.0
-    success_bonus: float = 1.0
-    noise: float = 1.0
-    fidelity: str = "kinematic"
+    arena: str | Path | Arena = "gsrm"  # a name, a folder, a mesh file or an `Arena` with a pit
+    num_robots: int = 8  # robots, all Scouts
+    duration: float = 900.0  # of an episode [s]
+    success_bonus: float = 1.0  # reward of every robot once all are beyond the pit, undocked and upright
+    noise: float = 1.0  # factor on the noise of the sensors; 0 for none
+    fidelity: str = "kinematic"  # level of physics, one of `FIDELITIES`
 
     def __post_init__(self) -> None:
         count = self.num_robots

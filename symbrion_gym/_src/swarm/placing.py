@@ -24,8 +24,7 @@ LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
 STEEPEST = np.deg2rad(35.0)
 """Robots are placed on no steeper ground [rad]: a track of friction 0.7 slips there."""
-_SAMPLES = 5
-"""Heights are read at this many places along each side of a footprint."""
+_SAMPLES = 5  # Heights are read at this many places along each side of a footprint
 
 
 def lay_robots(
@@ -102,29 +101,19 @@ def _check_steepness(normal: Float[np.ndarray, "N 3"], arena: Arena) -> None:
         )
 
 
-SPACING = 0.25
-"""Least distance of two robots at the start [m]: both can turn on the spot."""
-RIM = 0.2
-"""Least distance from the sides of the way, and from its beginning [m]."""
-UPRIGHT = 0.5
-"""z of the up axis of a robot that is upright, as the task of the snake has it."""
+SPACING = 0.25  # Least distance of two robots at the start [m]: both can turn on the spot
+RIM = 0.2  # Least distance from the sides of the way, and from its beginning [m]
+UPRIGHT = 0.5  # z of the up axis of a robot that is upright, as the task of the snake has it
 _MOST_TRIES = 10_000
 
 
 class Field(NamedTuple):
-    """Where a swarm starts and where it is to get.
+    """Where a swarm starts and where it is to get."""
 
-    Attributes:
-        route: the way across the gap, as found for a snake of 8 Scouts.
-        low: least s of a start [m].
-        high: largest s of a start [m].
-        half_width: largest distance of a start from the middle of the way [m].
-    """
-
-    route: Route
-    low: float
-    high: float
-    half_width: float
+    route: Route  # the way across the gap, as found for a snake of 8 Scouts
+    low: float  # least s of a start [m]
+    high: float  # largest s of a start [m]
+    half_width: float  # largest distance of a start from the middle of the way [m]
 
     @property
     def far_edge(self) -> float:

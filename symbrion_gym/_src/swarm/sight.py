@@ -15,12 +15,9 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.scout_constants import ScoutConfig
     from symbrion_gym._src.swarm.world import SwarmState
 
-_CELL = 0.05
-"""Edge of the cells of the highest surface [m]: half of a robot."""
-_MOST_CELLS = 4_000_000
-"""Cells are wider where there would be more of them."""
-_LEAST = 1e-12
-"""Components of directions are not smaller than this: no division by zero."""
+_CELL = 0.05  # Edge of the cells of the highest surface [m]: half of a robot
+_MOST_CELLS = 4_000_000  # Cells are wider where there would be more of them
+_LEAST = 1e-12  # Components of directions are not smaller than this: no division by zero
 
 
 class Sight:

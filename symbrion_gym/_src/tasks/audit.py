@@ -39,10 +39,8 @@ from symbrion_gym._src.tasks.starts import place_tree
 from symbrion_gym._src.tasks.task import Task
 from symbrion_gym._src.tasks.traverse import StandUp
 
-_CELL = 0.75
-"""A body that looks at the ground from the middle of cells may be this many cells off."""
-_TUMBLED = -1.1
-"""No module leans by more than this z of its up axis: after a tumble any is allowed."""
+_CELL = 0.75  # A body that looks at the ground from the middle of cells may be this many cells off
+_TUMBLED = -1.1  # No module leans by more than this z of its up axis: after a tumble any is allowed
 
 
 @dataclass(frozen=True)

@@ -18,49 +18,37 @@ from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.tasks.objects import DockAtObject, ReachObject
 from symbrion_gym._src.tasks.scene import Scene
 
-Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""From x and y [m] to the height of the ground [m]."""
-_ROUNDING = 1e-6
-"""Times and distances that differ by less are the same [s, m]."""
+Height = Callable[[np.ndarray, np.ndarray], np.ndarray]  # From x and y [m] to the height of the ground [m]
+_ROUNDING = 1e-6  # Times and distances that differ by less are the same [s, m]
 
 
 @dataclass(frozen=True)
 class AuditLimits:
     """What an honest crossing keeps to. Wider limits find fewer faults.
 
-    Attributes:
-        hold_time: length of the end that must be a success throughout [s].
-        corner: half the edge of the cube in a module that must be beyond the edge [m]; corners of a module may lie
-            this much closer than its docks.
-        upright: smallest z component of the up axis of a module that stands: it leans by 61 degrees at most, one more
-            than the success check allows.
-        rolled_over: below this z component a module has rolled over.
-        clearance: the lowest corner of a standing module is no higher above the ground [m].
-        smallest_height: a center comes no closer to the surface below it [m].
-        smallest_gap: centers of two modules come no closer than this [m]; 87 mm thick, they would be inside each other.
-        max_speed: no module falls faster than this anywhere in an arena 0.25 m high [m/s].
-        hinge_slack: how far hinges give beyond their range under load [rad].
-        track_slip: an organism is faster than its tracks by no more than this factor.
-        speed_slack: what it may be ahead of their path besides, for falling forwards [m].
-        fall_lead: what it may be ahead besides until the end is held, per meter by which the mean height of its
-            modules is below that of the highest: so far it slides at a friction of 1, pulled by what hangs. At the end
-            nothing is excused.
-
     Raises:
         OptionError: a number is out of range.
     """
 
-    hold_time: float = 0.3
+    hold_time: float = 0.3  # length of the end that must be a success throughout [s]
+    # half the edge of the cube in a module that must be beyond the edge [m]; corners of a module may lie this
+    # much closer than its docks
     corner: float = 0.05
+    # smallest z component of the up axis of a module that stands: it leans by 61 degrees at most, one more
+    # than the success check allows
     upright: float = float(np.cos(np.deg2rad(61.0)))
-    rolled_over: float = -0.3
-    clearance: float = 0.045
-    smallest_height: float = 0.02
+    rolled_over: float = -0.3  # below this z component a module has rolled over
+    clearance: float = 0.045  # the lowest corner of a standing module is no higher above the ground [m]
+    smallest_height: float = 0.02  # a center comes no closer to the surface below it [m]
+    # centers of two modules come no closer than this [m]; 87 mm thick, they would be inside each other
     smallest_gap: float = 0.080
-    max_speed: float = 2.5
-    hinge_slack: float = 0.12
-    track_slip: float = 1.02
-    speed_slack: float = 0.06
+    max_speed: float = 2.5  # no module falls faster than this anywhere in an arena 0.25 m high [m/s]
+    hinge_slack: float = 0.12  # how far hinges give beyond their range under load [rad]
+    track_slip: float = 1.02  # an organism is faster than its tracks by no more than this factor
+    speed_slack: float = 0.06  # what it may be ahead of their path besides, for falling forwards [m]
+    # what it may be ahead besides until the end is held, per meter by which the mean height of its modules is
+    # below that of the highest: so far it slides at a friction of 1, pulled by what hangs. At the end nothing
+    # is excused.
     fall_lead: float = 1.0
 
     def __post_init__(self) -> None:
@@ -72,42 +60,26 @@ class AuditLimits:
 
 
 class Trajectory(NamedTuple):
-    """A recorded episode.
+    """A recorded episode."""
 
-    Attributes:
-        time: [s], the start first.
-        qpos: position [m] and quaternion (w first) of the head, joint angles [rad].
-    """
-
-    time: Float[np.ndarray, " T"]
-    qpos: Float[np.ndarray, "T Q"]
+    time: Float[np.ndarray, " T"]  # [s], the start first
+    qpos: Float[np.ndarray, "T Q"]  # position [m] and quaternion (w first) of the head, joint angles [rad]
 
 
 class Motion(NamedTuple):
-    """What the modules did, worked out from the coordinates.
+    """What the modules did, worked out from the coordinates."""
 
-    Attributes:
-        time: [s].
-        centers: centers of the modules [m].
-        rotations: rotations of the modules.
-    """
-
-    time: Float[np.ndarray, " T"]
-    centers: Float[np.ndarray, "T n 3"]
-    rotations: Float[np.ndarray, "T n 3 3"]
+    time: Float[np.ndarray, " T"]  # [s]
+    centers: Float[np.ndarray, "T n 3"]  # centers of the modules [m]
+    rotations: Float[np.ndarray, "T n 3 3"]  # rotations of the modules
 
 
 @dataclass(frozen=True)
 class Audit:
-    """What the audit found.
+    """What the audit found."""
 
-    Attributes:
-        is_success: nothing was wrong.
-        faults: what was wrong, in words; empty for an honest crossing.
-    """
-
-    is_success: bool
-    faults: tuple[str, ...]
+    is_success: bool  # nothing was wrong
+    faults: tuple[str, ...]  # what was wrong, in words; empty for an honest crossing
 
 
 def find_bad_hinges(angles: Float[np.ndarray, "T h"], largest: float) -> list[str]:

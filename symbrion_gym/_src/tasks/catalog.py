@@ -54,13 +54,9 @@ def make_reach(
 
 @dataclass(frozen=True)
 class BeyondGap(PassFinish):
-    """Get every module across the first gap on the way.
+    """Get every module across the first gap on the way."""
 
-    Attributes:
-        search: what counts as a gap; None for the defaults.
-    """
-
-    search: GapSearch | None = None
+    search: GapSearch | None = None  # what counts as a gap; None for the defaults
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
         """Find the gap on the surface alone."""
@@ -94,14 +90,11 @@ OBSTACLES = ("stairs", "step", "ramp")
 class OnTop(PassFinish):
     """Get every module past the top of a step, of stairs or of a ramp.
 
-    Attributes:
-        obstacle: "stairs", "step" or "ramp"; "any" for the first kind that is there, in this order.
-
     Raises:
         TaskError: there is no such kind.
     """
 
-    obstacle: str = "any"
+    obstacle: str = "any"  # "stairs", "step" or "ramp"; "any" for the first kind that is there, in this order
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -16,15 +16,10 @@ _OURS = f"{__name__.partition('.')[0]}."
 
 @dataclass(frozen=True, eq=False)
 class CheckedFunction:
-    """A function of a `TaskState` whose result has one value for each simulation.
+    """A function of a `TaskState` whose result has one value for each simulation."""
 
-    Attributes:
-        what: name of the term, for the message.
-        function: the function.
-    """
-
-    what: str
-    function: Callable[[Any], Any]
+    what: str  # name of the term, for the message
+    function: Callable[[Any], Any]  # the function
 
     def __call__(self, state: Any) -> Any:
         """Return what the function returns."""

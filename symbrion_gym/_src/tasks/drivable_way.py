@@ -19,26 +19,19 @@ from symbrion_gym._src.traversability.routes import find_straight_way
 
 _NEAR = 0.3
 """Drivable ground up to this far from the start, or beyond the finish, counts as reached [m]: about three modules."""
-_END_ROOM = 0.1
-"""Room for nose and tail at the ends of a way that is proposed [m]."""
+_END_ROOM = 0.1  # Room for nose and tail at the ends of a way that is proposed [m]
 _LEAST_WAY, _MOST_WAY = 0.3, 4.0
 """Smallest and largest length of a way that is proposed [m]; robots drive at 0.1 m/s, so that trials take 40 s."""
 
-Pair = tuple[tuple[float, float], tuple[float, float]]
-"""(x, y) of a start and of a goal [m]."""
+Pair = tuple[tuple[float, float], tuple[float, float]]  # (x, y) of a start and of a goal [m]
 
 
 class BrokenWay(NamedTuple):
-    """A way whose start and finish no drivable ground connects.
+    """A way whose start and finish no drivable ground connects."""
 
-    Attributes:
-        start: (x, y) of the head [m].
-        finish: (x, y) that every module has to pass [m].
-        other: start and goal of a straight way that can be driven, inside the largest region; None without one.
-    """
-
-    start: tuple[float, float]
-    finish: tuple[float, float]
+    start: tuple[float, float]  # (x, y) of the head [m]
+    finish: tuple[float, float]  # (x, y) that every module has to pass [m]
+    # start and goal of a straight way that can be driven, inside the largest region; None without one
     other: Pair | None
 
 

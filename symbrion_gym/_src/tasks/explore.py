@@ -21,28 +21,19 @@ from symbrion_gym._src.tasks.state import TaskState
 from symbrion_gym._src.tasks.task import Task
 from symbrion_gym._src.tasks.traverse import UsualTerms
 
-_SIGHT = 4.0
-"""Modules see as far as this many of their lengths."""
+_SIGHT = 4.0  # Modules see as far as this many of their lengths
 _LOOKS = 5
 """The ground is looked at in the first tick and every so many: at 0.1 m/s a module moves 1 cm in between."""
 
 
 class Cells(NamedTuple):
-    """Ground as a grid, with room around it for what is seen from its rim.
+    """Ground as a grid, with room around it for what is seen from its rim."""
 
-    Attributes:
-        origin: (x, y) of the middle of the first cell [m].
-        shape: number of cells along x and y.
-        pad: number of cells of the room around the ground.
-        is_ground: `[C]` whether there is ground that can be reached.
-        disc: numbers of the cells that are seen from one, relative to it.
-    """
-
-    origin: Float[np.ndarray, " 2"]
-    shape: tuple[int, int]
-    pad: int
-    is_ground: Bool[np.ndarray, " C"]
-    disc: Int[np.ndarray, " D"]
+    origin: Float[np.ndarray, " 2"]  # (x, y) of the middle of the first cell [m]
+    shape: tuple[int, int]  # number of cells along x and y
+    pad: int  # number of cells of the room around the ground
+    is_ground: Bool[np.ndarray, " C"]  # whether there is ground that can be reached
+    disc: Int[np.ndarray, " D"]  # numbers of the cells that are seen from one, relative to it
 
     def find_seen(self, xp: Any, place: Float[Any, "M 2"], edge: float) -> Int[Any, "M D"]:
         """Return the numbers of the cells that are seen from places; one outside the grid counts as at its rim."""
@@ -54,17 +45,12 @@ class Cells(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AreaRoute(Route):
-    """A start, and the ground that can be reached from it.
+    """A start, and the ground that can be reached from it."""
 
-    Attributes:
-        places: `[C, 2]` middles of the cells of this ground [m].
-        edge: edge of a cell [m].
-        sight: how far a module sees [m].
-    """
-
+    # middles of the cells of this ground [m]
     places: Float[np.ndarray, "C 2"] = field(default_factory=lambda: np.zeros((1, 2)))
-    edge: float = 0.05
-    sight: float = 0.4
+    edge: float = 0.05  # edge of a cell [m]
+    sight: float = 0.4  # how far a module sees [m]
 
     @property
     def area(self) -> float:
@@ -92,16 +78,12 @@ class SeeGround:
 
     Ground is seen when module 0 has been within `sight` of it.
 
-    Attributes:
-        share: share of the ground that has to be seen.
-        sight: how far a module sees [m]; None for four of its lengths.
-
     Raises:
         TaskError: a number is out of range.
     """
 
-    share: float = 0.6
-    sight: float | None = None
+    share: float = 0.6  # share of the ground that has to be seen
+    sight: float | None = None  # how far a module sees [m]; None for four of its lengths
 
     def __post_init__(self) -> None:
         if not 0.0 < self.share <= 1.0:

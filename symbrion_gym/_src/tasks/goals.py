@@ -57,19 +57,13 @@ def compute_size(state: TaskState) -> float:
 
 @dataclass(frozen=True)
 class PassFinish:
-    """Get every module past the finish of a straight way: beyond the pit, or at a place.
+    """Get every module past the finish of a straight way: beyond the pit, or at a place."""
 
-    Attributes:
-        place: (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit.
-        margins: distances of the way from ramp, pit and rim; None for the defaults.
-        pit_search: what counts as a pit; None for the defaults.
-    """
-
-    is_straight: ClassVar[bool] = True
-    """Progress is the way that the tracks account for."""
+    is_straight: ClassVar[bool] = True  # Progress is the way that the tracks account for
+    # (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit
     place: Point | None = None
-    margins: RouteMargins | None = None
-    pit_search: GapSearch | None = None
+    margins: RouteMargins | None = None  # distances of the way from ramp, pit and rim; None for the defaults
+    pit_search: GapSearch | None = None  # what counts as a pit; None for the defaults
 
     def __post_init__(self) -> None:
         if self.place is not None and np.ndim(self.place) == 1:

@@ -19,38 +19,28 @@ from symbrion_gym._src.tasks.reach import ReachPlaces
 from symbrion_gym._src.tasks.starts import Start
 from symbrion_gym._src.tasks.state import TaskState
 
-_STEP = 0.04
-"""Places before an object are tried this far apart [m]."""
-_NEAREST = 0.03
-"""The first of them leaves this much room between object and front dock [m]."""
+_STEP = 0.04  # Places before an object are tried this far apart [m]
+_NEAREST = 0.03  # The first of them leaves this much room between object and front dock [m]
 
 
 @dataclass(frozen=True)
 class ObjectRoute(PathRoute):
-    """A path to the front of an object.
+    """A path to the front of an object."""
 
-    Attributes:
-        face: (x, y) of the middle of its front [m].
-        front: (x, y) of the direction in which the front points, of length 1.
-    """
-
-    face: tuple[float, float] = (0.0, 0.0)
-    front: tuple[float, float] = (1.0, 0.0)
+    face: tuple[float, float] = (0.0, 0.0)  # (x, y) of the middle of its front [m]
+    front: tuple[float, float] = (1.0, 0.0)  # (x, y) of the direction in which the front points, of length 1
 
 
 @dataclass(frozen=True)
 class ReachObject(ReachPlaces):
     """Bring the body before an object, the head within a body length of its front and turned to it.
 
-    Attributes:
-        site: name of the object's site, as `object_socket_0`, or of its kind where there is one of it.
-        max_angle: largest angle between the head and the direction of the object [rad].
-
     Raises:
         TaskError: a number is not above 0, or there is no name.
     """
 
-    site: str = ""
+    site: str = ""  # name of the object's site, as `object_socket_0`, or of its kind where there is one of it
+    # largest angle between the head and the direction of the object [rad]
     max_angle: float = float(np.deg2rad(45.0))
 
     def __post_init__(self) -> None:

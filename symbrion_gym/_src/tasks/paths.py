@@ -23,23 +23,17 @@ from symbrion_gym._src.traversability.routes import (
     find_straight_way,
 )
 
-MAX_CORNERS = 64
-"""Most corners of a path."""
-_CORNER = 0.05
-"""A path is simplified by no more than this [m]."""
+MAX_CORNERS = 64  # Most corners of a path
+_CORNER = 0.05  # A path is simplified by no more than this [m]
 
 
 @dataclass(frozen=True)
 class PathRoute(Route):
-    """A route with corners, for the middle of a body.
+    """A route with corners, for the middle of a body."""
 
-    Attributes:
-        corners: (x, y) of the points to head for, one after the other, the last is the goal [m].
-        is_place: whether each of them has to be reached exactly, or only shows the way.
-    """
-
+    # (x, y) of the points to head for, one after the other, the last is the goal [m]
     corners: tuple[tuple[float, float], ...] = ()
-    is_place: tuple[bool, ...] = ()
+    is_place: tuple[bool, ...] = ()  # whether each of them has to be reached exactly, or only shows the way
 
 
 def find_ground_map(arena: Arena, organism: Organism) -> TraversabilityMap:

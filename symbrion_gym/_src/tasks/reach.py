@@ -21,25 +21,21 @@ from symbrion_gym._src.tasks.state import TaskState
 
 _ROOM = 0.5
 """At the start a body is farther from its goal than counts as there, by at least this share of a module's length."""
-_PASSING = 2.5
-"""A corner of the path is passed within this many lengths of a module."""
+_PASSING = 2.5  # A corner of the path is passed within this many lengths of a module
 
 
 @dataclass(frozen=True)
 class ReachPlaces:
     """Bring the middle of the body to places in turn, the last with every module about it.
 
-    Attributes:
-        places: (x, y) or (x, y, z) of each [m]; none to choose one on the map.
-        distance: length of the path to a place that is chosen [m]; None for as far as possible.
-        tolerance: distance of the middle from a place that has been reached [m]; None for the length of a module.
-
     Raises:
         TaskError: a distance is not above 0.
     """
 
-    places: tuple[Point, ...] = ()
+    places: tuple[Point, ...] = ()  # (x, y) or (x, y, z) of each [m]; none to choose one on the map
+    # length of the path to a place that is chosen [m]; None for as far as possible
     distance: float | None = None
+    # distance of the middle from a place that has been reached [m]; None for the length of a module
     tolerance: float | None = None
 
     def __post_init__(self) -> None:

@@ -87,16 +87,12 @@ class Extremes:
 class Trajectory:
     """Keep the modules' centers every few ticks: `trajectory` `[T, n, 3]` [m], the start first.
 
-    Attributes:
-        every: ticks between two of them.
-        most: as many are kept at most; then every second one is dropped, and the interval is doubled.
-
     Raises:
         TaskError: a number is no whole number above 0, or `most` is odd or below 2.
     """
 
-    every: int = 25
-    most: int = 256
+    every: int = 25  # ticks between two of them
+    most: int = 256  # as many are kept at most; then every second one is dropped, and the interval is doubled
 
     def __post_init__(self) -> None:
         check_counts(self, ("every", "most"), TaskError)
@@ -129,12 +125,9 @@ class GroundContacts:
     """Keep for how long each module was on the ground: `ground_share` `[n]`, shares of the episode's ticks.
 
     A module is on the ground when its center is no higher above it than the task's criteria allow.
-
-    Attributes:
-        every: ticks between two looks, as looking for the ground takes time.
     """
 
-    every: int = 10
+    every: int = 10  # ticks between two looks, as looking for the ground takes time
 
     def record(self, state: TaskState, active: Bool[np.ndarray, " N"]) -> None:
         """Count the modules on the ground where it is time."""
@@ -153,14 +146,10 @@ class GroundContacts:
 
 @dataclass(frozen=True)
 class Descriptor:
-    """Keep what a function of one's own returns at the end of each episode.
+    """Keep what a function of one's own returns at the end of each episode."""
 
-    Attributes:
-        name: name of the value.
-        function: state -> `[N, ...]`; called in every tick, so it should be quick.
-    """
-
-    name: str
+    name: str  # name of the value
+    # state -> `[N, ...]`; called in every tick, so it should be quick
     function: Callable[[TaskState], np.ndarray]
 
     def record(self, state: TaskState, active: Bool[np.ndarray, " N"]) -> None:

@@ -27,33 +27,24 @@ from symbrion_gym._src.traversability.routes import (
     read_place,
 )
 
-_STOREY = 0.25
-"""A given z is that of ground no farther above or below than this [m]."""
+_STOREY = 0.25  # A given z is that of ground no farther above or below than this [m]
 _LIES_UNDER = 0.10
 """Ground this far below the highest surface lies under something [m]: contact and surface differ by less."""
 _WALL = 0.30
 """What rises by more than this within `_SAMPLES` is a wall [m]: higher than steps and plateaus that snakes climb."""
-_SAMPLES = 0.05
-"""Spacing of heights along a way [m]."""
-_LEAST_WAY = 0.3
-"""A chosen way has at least this length beside that of the organism [m]."""
-_BEYOND = 0.5
-"""An organism is laid down on the ground up to this far beyond its ends [m]."""
+_SAMPLES = 0.05  # Spacing of heights along a way [m]
+_LEAST_WAY = 0.3  # A chosen way has at least this length beside that of the organism [m]
+_BEYOND = 0.5  # An organism is laid down on the ground up to this far beyond its ends [m]
 _END_ROOM = 0.10
 """Room for the nose and the tail at the ends of a chosen way [m]: a module reaches 0.07 ahead of its center."""
 
 
 class Ends(NamedTuple):
-    """Start and goal of a straight way.
+    """Start and goal of a straight way."""
 
-    Attributes:
-        start: (x, y) of the head at the start [m].
-        goal: (x, y) of the head at the goal [m].
-        start_height: z of the ground at the start where something lies above it [m]; None where it is the highest.
-    """
-
-    start: Float[np.ndarray, " 2"]
-    goal: Float[np.ndarray, " 2"]
+    start: Float[np.ndarray, " 2"]  # (x, y) of the head at the start [m]
+    goal: Float[np.ndarray, " 2"]  # (x, y) of the head at the goal [m]
+    # z of the ground at the start where something lies above it [m]; None where it is the highest
     start_height: float | None = None
 
 
@@ -163,34 +154,26 @@ def _lies_under(
     return is_below or bool(hangs.any())
 
 
-Point = Sequence[float] | np.ndarray
-"""(x, y) in the world, or (x, y, z) where there are several storeys [m]."""
-StartName = Literal["floor", "pit"]
-"""Before the ramp or step, or before the pit."""
-_SAME_PLACE = 1e-3
-"""Two points closer than this have no direction from one to the other [m]."""
+Point = Sequence[float] | np.ndarray  # (x, y) in the world, or (x, y, z) where there are several storeys [m]
+StartName = Literal["floor", "pit"]  # Before the ramp or step, or before the pit
+_SAME_PLACE = 1e-3  # Two points closer than this have no direction from one to the other [m]
 
 
 @dataclass(frozen=True)
 class RouteMargins:
     """Distances between the ends of a route and ramp, pit and rim.
 
-    Attributes:
-        before_foot: distance between the front of the head at the start and the foot of the ramp or step [m].
-        before_pit: distance between the front of the head and the pit at the start "pit" [m].
-        before_rim: distance between the tail at the start and the rim of a surface without a course [m].
-        goal_to_rim: distance between the goal and the rim of such a surface [m].
-        below: distance below the lowest ground at which a module counts as fallen off [m].
-
     Raises:
         OptionError: a distance is negative.
     """
 
+    # distance between the front of the head at the start and the foot of the ramp or step [m]
     before_foot: float = 0.10
-    before_pit: float = 0.20
+    before_pit: float = 0.20  # distance between the front of the head and the pit at the start "pit" [m]
+    # distance between the tail at the start and the rim of a surface without a course [m]
     before_rim: float = 0.25
-    goal_to_rim: float = 0.2
-    below: float = 0.3
+    goal_to_rim: float = 0.2  # distance between the goal and the rim of such a surface [m]
+    below: float = 0.3  # distance below the lowest ground at which a module counts as fallen off [m]
 
     def __post_init__(self) -> None:
         check_not_negative(self, [each.name for each in fields(self)], OptionError)
@@ -198,27 +181,18 @@ class RouteMargins:
 
 @dataclass(frozen=True)
 class Route:
-    """A straight way through an arena; s is measured along it, from the origin of the world.
+    """A straight way through an arena; s is measured along it, from the origin of the world."""
 
-    Attributes:
-        heading: direction of the way, as rotation about z [rad].
-        start: s of the center of the head at the start [m].
-        lateral: offset of the way to the left of the origin [m].
-        finish: s that the center of every module must pass [m].
-        half_width: distance to the side of the way beyond which a module has fallen off [m].
-        lowest: height below which a module has fallen off [m].
-        pit: s of the near edge, s of the far edge and height of the floor of the pit [m]; None without a pit.
-        start_height: z of the ground at the start where something lies above it, as a ceiling or a table [m]; None
-            where the ground is the highest surface everywhere.
-    """
-
-    heading: float
-    start: float
-    lateral: float
-    finish: float
-    half_width: float
-    lowest: float
+    heading: float  # direction of the way, as rotation about z [rad]
+    start: float  # s of the center of the head at the start [m]
+    lateral: float  # offset of the way to the left of the origin [m]
+    finish: float  # s that the center of every module must pass [m]
+    half_width: float  # distance to the side of the way beyond which a module has fallen off [m]
+    lowest: float  # height below which a module has fallen off [m]
+    # s of the near edge, s of the far edge and height of the floor of the pit [m]; None without a pit
     pit: tuple[float, float, float] | None = None
+    # z of the ground at the start where something lies above it, as a ceiling or a table [m]; None where the
+    # ground is the highest surface everywhere
     start_height: float | None = None
 
     @property
@@ -395,8 +369,7 @@ def _follow_surface(
     )
 
 
-_EDGE = ScoutConfig.size[2]
-"""Height of the module to which the defaults belong [m]."""
+_EDGE = ScoutConfig.size[2]  # Height of the module to which the defaults belong [m]
 
 
 @dataclass(frozen=True)
@@ -405,34 +378,30 @@ class SuccessCriteria:
 
     Wider limits admit what a person would not call a crossing; `symbrion_gym._src.tasks.audit` finds such cases.
 
-    Attributes:
-        hold_time: time for which the organism must stay where it should be [s]: one that flies past or tips back does
-            not count.
-        upright: smallest z component of the up axis of an upright module: leaning by 60 degrees.
-        rolled_over: below this z component of its up axis a module has rolled over; below 0, so that one on its
-            side on the way may still right itself.
-        ground_band: height of a module's center above the ground that counts as standing on it [m]: half a module's
-            height is 0.0525, one stacked on another is above 0.1.
-        speed_slack: distance that an organism may be ahead of the path of its tracks, for falling forwards [m].
-        fall_lead: how far it may be ahead besides before it arrives, per meter by which the mean height of its modules
-            is below that of the highest: 1 is what pays for sliding at a friction of 1, more than tracks have.
-        corner: half the edge of the cube in a module that must be beyond the far edge however it is turned [m].
-        touch_band: a module this close to the floor of the pit touches it [m].
-        max_rate: a coordinate faster than this [m/s or rad/s] means that the simulation has diverged; nothing
-            in an arena is.
-
     Raises:
         OptionError: a number is out of range.
     """
 
+    # time for which the organism must stay where it should be [s]: one that flies past or tips back does not
+    # count
     hold_time: float = 0.3
-    upright: float = 0.5
+    upright: float = 0.5  # smallest z component of the up axis of an upright module: leaning by 60 degrees
+    # below this z component of its up axis a module has rolled over; below 0, so that one on its side on the
+    # way may still right itself
     rolled_over: float = -0.3
+    # height of a module's center above the ground that counts as standing on it [m]: half a module's height
+    # is 0.0525, one stacked on another is above 0.1
     ground_band: tuple[float, float] = (0.02, 0.075)
+    # distance that an organism may be ahead of the path of its tracks, for falling forwards [m]
     speed_slack: float = 0.05
+    # how far it may be ahead besides before it arrives, per meter by which the mean height of its modules is
+    # below that of the highest: 1 is what pays for sliding at a friction of 1, more than tracks have
     fall_lead: float = 1.0
+    # half the edge of the cube in a module that must be beyond the far edge however it is turned [m]
     corner: float = 0.05
-    touch_band: float = 0.01
+    touch_band: float = 0.01  # a module this close to the floor of the pit touches it [m]
+    # a coordinate faster than this [m/s or rad/s] means that the simulation has diverged; nothing in an arena
+    # is
     max_rate: float = 50.0
 
     def __post_init__(self) -> None:

@@ -17,27 +17,19 @@ from symbrion_gym._src.tasks.route import Route
 if TYPE_CHECKING:
     import trimesh
 
-_STRIP = 0.05
-"""Width of the strips across x whose greatest heights are known [m]; it changes the time alone."""
+_STRIP = 0.05  # Width of the strips across x whose greatest heights are known [m]; it changes the time alone
 _TRIANGLE_MARGIN = 1e-6
 """Triangles reach this much farther than they are when the ground of a strip is sought [m]: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """An arena, who is in it, and the way.
+    """An arena, who is in it, and the way."""
 
-    Attributes:
-        arena: arena of the simulation.
-        organism: organism in it.
-        route: the way to go.
-        map_route: the way on the robot's map, which `stretch` does not change.
-    """
-
-    arena: Arena
-    organism: Organism
-    route: Route
-    map_route: Route
+    arena: Arena  # arena of the simulation
+    organism: Organism  # organism in it
+    route: Route  # the way to go
+    map_route: Route  # the way on the robot's map, which `stretch` does not change
 
     @property
     def is_along_x(self) -> bool:
@@ -87,18 +79,12 @@ class HostArrays:
 
     A term that uses operators, methods of arrays, the functions of `xp`, and these methods runs on both. On a device
     all simulations are computed at once: whatever looks at values (`if`, `np.flatnonzero`) belongs in here.
-
-    Attributes:
-        xp: namespace of the arrays, here NumPy.
-        memory: what terms remember, name -> `[N, ...]`.
-        scenes: arena and way of each simulation.
-        position: `[N, n, 3]` centers of the modules [m].
     """
 
-    xp: Any = np
-    memory: dict[str, np.ndarray]
-    scenes: list[Scene]
-    position: np.ndarray
+    xp: Any = np  # namespace of the arrays, here NumPy
+    memory: dict[str, np.ndarray]  # what terms remember, name -> `[N, ...]`
+    scenes: list[Scene]  # arena and way of each simulation
+    position: np.ndarray  # `[N, n, 3]` centers of the modules [m]
 
     def may_hold(self, mask: Bool[np.ndarray, " N"]) -> bool:
         """Return whether something is so in any simulation; on a device True, as looking would take time."""

@@ -24,17 +24,15 @@ START_NAMES = ("floor", "pit")
 class Start:
     """Where a body starts, and whether it has been tumbled.
 
-    Attributes:
-        place: "floor": before the ramp or step, or the beginning of the way; "pit": before the pit; or (x, y) or
-            (x, y, z) of the head [m], where z selects one of several storeys.
-        roll: smallest and largest angle by which the body is turned about the axis of its head [rad]; drawn for
-            every episode.
-
     Raises:
         TaskError: no such place, or angles that are no range.
     """
 
+    # "floor": before the ramp or step, or the beginning of the way; "pit": before the pit; or (x, y) or (x,
+    # y, z) of the head [m], where z selects one of several storeys
     place: StartName | Point = "floor"
+    # smallest and largest angle by which the body is turned about the axis of its head [rad]; drawn for every
+    # episode
     roll: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -111,8 +109,7 @@ def _list_dockings(organism: Organism) -> list[tuple[int, str, int]]:
     return found
 
 
-_NOSE = 0.02
-"""Room behind the tail at the start of a way, beside half a module [m]."""
+_NOSE = 0.02  # Room behind the tail at the start of a way, beside half a module [m]
 
 
 def make_route(

@@ -36,21 +36,13 @@ class Progressing(Protocol):
 
 
 class Views(NamedTuple):
-    """What is read of the physics of N simulations.
+    """What is read of the physics of N simulations."""
 
-    Attributes:
-        position: centers of the modules [m], one physics step behind.
-        rotation: their rotation matrices, row by row, likewise.
-        qvel: generalized velocities.
-        hinge_rate: [rad/s].
-        torque: of the hinges [N m], one physics step behind.
-    """
-
-    position: Float[np.ndarray, "N n 3"]
-    rotation: Float[np.ndarray, "N n 9"]
-    qvel: Float[np.ndarray, "N nv"]
-    hinge_rate: Float[np.ndarray, "N h"]
-    torque: Float[np.ndarray, "N h"]
+    position: Float[np.ndarray, "N n 3"]  # centers of the modules [m], one physics step behind
+    rotation: Float[np.ndarray, "N n 9"]  # their rotation matrices, row by row, likewise
+    qvel: Float[np.ndarray, "N nv"]  # generalized velocities
+    hinge_rate: Float[np.ndarray, "N h"]  # [rad/s]
+    torque: Float[np.ndarray, "N h"]  # of the hinges [N m], one physics step behind
 
 
 class TaskState(HostArrays):

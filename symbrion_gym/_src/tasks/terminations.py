@@ -15,20 +15,15 @@ from symbrion_gym._src.tasks.terms import Termination
 
 _LARGEST_REACH = 1.5
 """A turned module reaches at most the root of 2 half edges below its center; with room to spare."""
-_LEAST_PROGRESS = 0.2
-"""Share of a module's length that counts as progress."""
+_LEAST_PROGRESS = 0.2  # Share of a module's length that counts as progress
 Limits = dict[str, "float | Float[np.ndarray, ' N']"]
 
 
 @dataclass(frozen=True)
 class RolledOver:
-    """Detect that a module has rolled over.
+    """Detect that a module has rolled over."""
 
-    Attributes:
-        below: z of its up axis; None for that of the task's criteria.
-    """
-
-    below: float | None = None
+    below: float | None = None  # z of its up axis; None for that of the task's criteria
 
     def _find_least(self, state: TaskState) -> float:
         return state.criteria.rolled_over if self.below is None else self.below
@@ -58,13 +53,9 @@ class FellOff:
 
 @dataclass(frozen=True)
 class TouchedPit:
-    """Detect that a module touches the floor of the pit on the way, as if the pit had none.
+    """Detect that a module touches the floor of the pit on the way, as if the pit had none."""
 
-    Attributes:
-        is_bottomless: without it, nothing is detected.
-    """
-
-    is_bottomless: bool = True
+    is_bottomless: bool = True  # without it, nothing is detected
 
     def limits(self, state: TaskState) -> Limits:
         """Return the limits within which nothing has happened."""
@@ -100,15 +91,12 @@ def _find_pits(state: TaskState) -> Float[np.ndarray, "3 N"]:
 class Stuck:
     """Detect that a body makes no more progress.
 
-    Attributes:
-        after: time without progress [s].
-        progress: smallest progress that counts as such; None for a fifth of a module's length [m].
-
     Raises:
         TaskError: a number is out of range.
     """
 
-    after: float = 15.0
+    after: float = 15.0  # time without progress [s]
+    # smallest progress that counts as such; None for a fifth of a module's length [m]
     progress: float | None = None
 
     def __post_init__(self) -> None:

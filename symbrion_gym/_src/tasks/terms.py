@@ -22,8 +22,7 @@ Condition: TypeAlias = "Callable[[TaskState], Bool[np.ndarray, ' N']]"
 """From the state of N simulations to whether something is so in each."""
 Measure: TypeAlias = "Callable[[TaskState], Float[np.ndarray, ' N']]"
 """From the state of N simulations to a number of each."""
-BASE_FLAGS = ("success", "diverged")
-"""Flags of `info` that every task has."""
+BASE_FLAGS = ("success", "diverged")  # Flags of `info` that every task has
 
 
 @runtime_checkable

@@ -24,29 +24,21 @@ from symbrion_gym._src.tasks.terms import Goal, Termination
 
 @dataclass(frozen=True)
 class UsualTerms:
-    """Parameters of every task but "snake_pit"; they are parameters of the functions that make tasks, too.
+    """Parameters of every task but "snake_pit"; they are parameters of the functions that make tasks, too."""
 
-    Attributes:
-        duration: an episode is truncated after this [s]; 180 for "explore", 120 for "traverse", 30 for "recover".
-        stuck_time: time without progress after which it is truncated as well [s]; 20 for "explore".
-        stuck_progress: smallest progress that counts as such, in the unit of the goal; None for a fifth of a module's
-            length, in "recover" for a change of the mean uprightness by 0.05.
-        forward_weight: reward per unit of progress: a meter, a square meter seen, or of uprightness, of which there are
-            two.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
-    """
-
+    # an episode is truncated after this [s]; 180 for "explore", 120 for "traverse", 30 for "recover"
     duration: float = 90.0
+    # time without progress after which it is truncated as well [s]; 20 for "explore"
     stuck_time: float = 15.0
+    # smallest progress that counts as such, in the unit of the goal; None for a fifth of a module's length,
+    # in "recover" for a change of the mean uprightness by 0.05
     stuck_progress: float | None = None
+    # reward per unit of progress: a meter, a square meter seen, or of uprightness, of which there are two
     forward_weight: float = 1.0
-    success_bonus: float = 1.0
-    effort_weight: float = 0.002
-    failure_cost: float = 1.0
-    criteria: SuccessCriteria | None = None
+    success_bonus: float = 1.0  # reward of a success
+    effort_weight: float = 0.002  # cost per joule of the hinges' work
+    failure_cost: float = 1.0  # cost of a failure, which keeps none of the progress either
+    criteria: SuccessCriteria | None = None  # limits of a success; None for those of the body
 
     def make_task(
         self, name: str, start: Start, goal: Goal, terminations: tuple[Termination, ...] | None = None
@@ -66,24 +58,19 @@ class UsualTerms:
         )
 
 
-_SAMPLES = 0.02
-"""Spacing of the heights along the way [m]."""
-_CLIMB = 1.2
-"""A body rears up or lowers itself over walls of this share of a module's height at most."""
+_SAMPLES = 0.02  # Spacing of the heights along the way [m]
+_CLIMB = 1.2  # A body rears up or lowers itself over walls of this share of a module's height at most
 
 
 @dataclass(frozen=True)
 class FarEnd(PassFinish):
     """Get every module to the far end of the ground straight ahead: to its rim, or to a wall or drop on it.
 
-    Attributes:
-        share: share of the way to the far end that has to be traversed.
-
     Raises:
         TaskError: the share is not above 0 and up to 1.
     """
 
-    share: float = 0.9
+    share: float = 0.9  # share of the way to the far end that has to be traversed
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -119,8 +106,7 @@ def make_traverse(
     return usual.make_task("traverse", Start(start), FarEnd(goal, share=share))
 
 
-_RIGHTING = 0.05
-"""Change of the mean uprightness that counts as progress."""
+_RIGHTING = 0.05  # Change of the mean uprightness that counts as progress
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from symbrion_gym._src.tasks.terms import BASE_FLAGS
 
 _TICK, _WAY = MEASURES.index("tick"), MEASURES.index("way")
 _NUMBER_OF = {name: number for number, name in enumerate(MEASURES)}
-_MOST_KEPT = 128
-"""What is called is kept for this many combinations of limits that were reached."""
+_MOST_KEPT = 128  # What is called is kept for this many combinations of limits that were reached
 _find_any = np.logical_or.reduce
 
 

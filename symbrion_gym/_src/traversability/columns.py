@@ -14,10 +14,8 @@ from jaxtyping import Bool, Float, Int
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.traversability.grid import Grid, expand, find_crossings
 
-_FIELD_BASE = 0.2
-"""How far a height field reaches below its lowest point [m]."""
-_WALL_DETAIL = 0.005
-"""Points of walls in a cell whose heights differ by less are one [m]."""
+_FIELD_BASE = 0.2  # How far a height field reaches below its lowest point [m]
+_WALL_DETAIL = 0.005  # Points of walls in a cell whose heights differ by less are one [m]
 
 
 class SortedHeights:
@@ -65,19 +63,12 @@ class SortedHeights:
 
 
 class Spans(NamedTuple):
-    """What is solid, sorted by cell, then height; spans of a cell do not touch.
+    """What is solid, sorted by cell, then height; spans of a cell do not touch."""
 
-    Attributes:
-        cell: number of the cell.
-        low: where it begins [m].
-        high: where it ends [m].
-        clearance: free height above it [m]; inf under the open sky.
-    """
-
-    cell: Int[np.ndarray, " S"]
-    low: Float[np.ndarray, " S"]
-    high: Float[np.ndarray, " S"]
-    clearance: Float[np.ndarray, " S"]
+    cell: Int[np.ndarray, " S"]  # number of the cell
+    low: Float[np.ndarray, " S"]  # where it begins [m]
+    high: Float[np.ndarray, " S"]  # where it ends [m]
+    clearance: Float[np.ndarray, " S"]  # free height above it [m]; inf under the open sky
 
 
 def find_spans(

@@ -20,27 +20,20 @@ from symbrion_gym._src.traversability.footprint import Footprint, Traversability
 from symbrion_gym._src.traversability.grid import Grid, make_grid
 from symbrion_gym._src.traversability.places import DIRECTIONS, Places, find_places
 
-_LEAST_PLACES = 4
-"""A plane is fitted through at least as many places."""
-_FLATTEST = 1e-6
-"""Places on a line have a smaller determinant of their spread, in cells to the power of 4."""
+_LEAST_PLACES = 4  # A plane is fitted through at least as many places
+_FLATTEST = 1e-6  # Places on a line have a smaller determinant of their spread, in cells to the power of 4
 
 
 class Ground(NamedTuple):
-    """The shape of the ground at places.
+    """The shape of the ground at places."""
 
-    Attributes:
-        gradient: rise of the plane through a place and its neighbors along x and y; nan with fewer than 3 neighbors.
-        slope: angle of that plane [rad]; nan likewise.
-        roughness: standard deviation of the ground from that plane [m].
-        rises: height of the ground at each neighbor above that at the place [m]; nan without a neighbor.
-        steps: step on the way to each neighbor [m]: what of the rise is not explained by the slopes before and after.
-    """
-
+    # rise of the plane through a place and its neighbors along x and y; nan with fewer than 3 neighbors
     gradient: Float[np.ndarray, "P 2"]
-    slope: Float[np.ndarray, " P"]
-    roughness: Float[np.ndarray, " P"]
+    slope: Float[np.ndarray, " P"]  # angle of that plane [rad]; nan likewise
+    roughness: Float[np.ndarray, " P"]  # standard deviation of the ground from that plane [m]
+    # height of the ground at each neighbor above that at the place [m]; nan without a neighbor
     rises: Float[np.ndarray, "P 8"]
+    # step on the way to each neighbor [m]: what of the rise is not explained by the slopes before and after
     steps: Float[np.ndarray, "P 8"]
 
 
@@ -160,37 +153,28 @@ class TraversabilityMap:
     """Where a body can drive: places on the ground, several in a cell where there are several storeys.
 
     Places are sorted by cell, then height.
-
-    Attributes:
-        footprint: what the body needs.
-        grid: the cells.
-        cell: `[P]` number of the cell of each place.
-        height: `[P]` z of the ground in the middle of the cell [m].
-        clearance: `[P]` free height above [m]; inf under the open sky.
-        gradient: `[P, 2]` rise of the ground along x and y over 3 x 3 cells; nan where there are too few neighbors.
-        slope: `[P]` slope of the ground over 3 x 3 cells [rad]; nan where there are too few neighbors.
-        roughness: `[P]` standard deviation of the ground from that slope [m]; nan likewise.
-        step: `[P]` highest step to a neighbor on the same ground [m]; nan without one.
-        wall_distance: `[P]` distance from the nearest wall, rim or ground that is too steep [m], up to
-            `TraversabilityConfig.max_distance`; 0 on such ground itself.
-        is_drivable: `[P]` whether the middle of the body can be here: it keeps `footprint.reach` from walls.
-        region: `[P]` number of the connected drivable region, the largest is 0; -1 where it is not drivable.
-        links: `[P, 8]` the place in each neighboring cell that the body can drive to without leaning too far to its
-            side; -1 for none.
     """
 
-    footprint: Footprint
-    grid: Grid
-    cell: Int[np.ndarray, " P"]
-    height: Float[np.ndarray, " P"]
-    clearance: Float[np.ndarray, " P"]
+    footprint: Footprint  # what the body needs
+    grid: Grid  # the cells
+    cell: Int[np.ndarray, " P"]  # number of the cell of each place
+    height: Float[np.ndarray, " P"]  # z of the ground in the middle of the cell [m]
+    clearance: Float[np.ndarray, " P"]  # free height above [m]; inf under the open sky
+    # rise of the ground along x and y over 3 x 3 cells; nan where there are too few neighbors
     gradient: Float[np.ndarray, "P 2"]
+    # slope of the ground over 3 x 3 cells [rad]; nan where there are too few neighbors
     slope: Float[np.ndarray, " P"]
-    roughness: Float[np.ndarray, " P"]
-    step: Float[np.ndarray, " P"]
+    roughness: Float[np.ndarray, " P"]  # standard deviation of the ground from that slope [m]; nan likewise
+    step: Float[np.ndarray, " P"]  # highest step to a neighbor on the same ground [m]; nan without one
+    # distance from the nearest wall, rim or ground that is too steep [m], up to
+    # `TraversabilityConfig.max_distance`; 0 on such ground itself
     wall_distance: Float[np.ndarray, " P"]
+    # whether the middle of the body can be here: it keeps `footprint.reach` from walls
     is_drivable: Bool[np.ndarray, " P"]
+    # number of the connected drivable region, the largest is 0; -1 where it is not drivable
     region: Int[np.ndarray, " P"]
+    # the place in each neighboring cell that the body can drive to without leaning too far to its side; -1
+    # for none
     links: Int[np.ndarray, "P 8"]
 
     @property

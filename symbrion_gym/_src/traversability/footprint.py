@@ -107,25 +107,22 @@ class Footprint:
 class TraversabilityConfig:
     """How ground is found and mapped.
 
-    Attributes:
-        cell: edge of a cell [m]; None for half the width of the body: finer cells cost time, wider ones miss steps.
-        max_cells: cells are wider where there would be more; a million take about 10 s and 1 GB.
-        surface_distance: ground has surface that looks up within this distance above or below [m]: contact geometry
-            is about 0.06 thick, so that the upper side of a ceiling that was seen from below alone does not count.
-        crack: gaps between contact pieces up to this width are none [m]: tracks have a radius of 0.02.
-        wall_slope: faces steeper than this are walls, also where they are thinner than a cell [rad].
-        max_distance: distances from walls are known up to this [m].
-
     Raises:
         OptionError: a number is out of range.
     """
 
+    # edge of a cell [m]; None for half the width of the body: finer cells cost time, wider ones miss steps
     cell: float | None = None
+    # cells are wider where there would be more; a million take about 10 s and 1 GB
     max_cells: int = 1_000_000
+    # ground has surface that looks up within this distance above or below [m]: contact geometry is about 0.06
+    # thick, so that the upper side of a ceiling that was seen from below alone does not count
     surface_distance: float = 0.10
+    # gaps between contact pieces up to this width are none [m]: tracks have a radius of 0.02
     crack: float = 0.002
+    # faces steeper than this are walls, also where they are thinner than a cell [rad]
     wall_slope: float = float(np.deg2rad(50.0))
-    max_distance: float = 1.0
+    max_distance: float = 1.0  # distances from walls are known up to this [m]
 
     def __post_init__(self) -> None:
         names = [each.name for each in fields(self) if each.name not in ("cell", "crack")]

@@ -8,26 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-_LEAST_AREA = 1e-12
-"""Triangles with less in plan are vertical [m²]."""
-_MOST_PAIRS = 2_000_000
-"""Pairs of triangle and cell that are treated at once: bounds the memory."""
-_ROUNDING = 1e-9
-"""Centers of cells this close outside a triangle lie in it [m]: neighbors leave no crack."""
+_LEAST_AREA = 1e-12  # Triangles with less in plan are vertical [m²]
+_MOST_PAIRS = 2_000_000  # Pairs of triangle and cell that are treated at once: bounds the memory
+_ROUNDING = 1e-9  # Centers of cells this close outside a triangle lie in it [m]: neighbors leave no crack
 
 
 class Grid(NamedTuple):
-    """Square cells, numbered row by row: cell = i * shape[1] + j.
+    """Square cells, numbered row by row: cell = i * shape[1] + j."""
 
-    Attributes:
-        low: (x, y) of the lower corner of the first cell [m].
-        cell: edge of a cell [m].
-        shape: number of cells along x and y.
-    """
-
-    low: tuple[float, float]
-    cell: float
-    shape: tuple[int, int]
+    low: tuple[float, float]  # (x, y) of the lower corner of the first cell [m]
+    cell: float  # edge of a cell [m]
+    shape: tuple[int, int]  # number of cells along x and y
 
     @property
     def num_cells(self) -> int:
@@ -71,17 +62,11 @@ def make_grid(
 
 
 class Crossings(NamedTuple):
-    """Where vertical lines through the centers of cells meet triangles.
+    """Where vertical lines through the centers of cells meet triangles."""
 
-    Attributes:
-        triangle: number of the triangle.
-        cell: number of the cell.
-        height: z of the triangle there [m].
-    """
-
-    triangle: Int[np.ndarray, " C"]
-    cell: Int[np.ndarray, " C"]
-    height: Float[np.ndarray, " C"]
+    triangle: Int[np.ndarray, " C"]  # number of the triangle
+    cell: Int[np.ndarray, " C"]  # number of the cell
+    height: Float[np.ndarray, " C"]  # z of the triangle there [m]
 
 
 def find_crossings(grid: Grid, corners: Float[np.ndarray, "T 3 3"], margin: float = 0.0) -> Crossings:

@@ -16,25 +16,17 @@ DIRECTIONS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -
 """Steps to the eight neighbors of a cell, counterclockwise; the opposite of k is (k + 4) % 8."""
 _STEEPEST_LINK = 2.0
 """Ground that rises by more than this per length (63 degrees), and by `_HIGHEST_LINK`, is not the same ground."""
-_HIGHEST_LINK = 0.05
-"""Step that is still the same ground [m]: more than any body climbs."""
-_LEAST_RISE = 0.2
-"""Faces whose normal rises or falls less are walls, which look neither up nor down."""
+_HIGHEST_LINK = 0.05  # Step that is still the same ground [m]: more than any body climbs
+_LEAST_RISE = 0.2  # Faces whose normal rises or falls less are walls, which look neither up nor down
 
 
 class Places(NamedTuple):
-    """Places on the ground, sorted by cell, then height: several in a cell where there are several storeys.
+    """Places on the ground, sorted by cell, then height: several in a cell where there are several storeys."""
 
-    Attributes:
-        cell: number of the cell of the grid.
-        height: z of the ground in its middle [m].
-        clearance: free height above [m]; inf under the open sky.
-        links: the place in each of the 8 neighboring cells on the same ground, as `DIRECTIONS`; -1 for none.
-    """
-
-    cell: Int[np.ndarray, " P"]
-    height: Float[np.ndarray, " P"]
-    clearance: Float[np.ndarray, " P"]
+    cell: Int[np.ndarray, " P"]  # number of the cell of the grid
+    height: Float[np.ndarray, " P"]  # z of the ground in its middle [m]
+    clearance: Float[np.ndarray, " P"]  # free height above [m]; inf under the open sky
+    # the place in each of the 8 neighboring cells on the same ground, as `DIRECTIONS`; -1 for none
     links: Int[np.ndarray, "P 8"]
 
 

@@ -16,10 +16,8 @@ from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import compute_hold
 
-_SLIPPERY = 0.9
-"""Ground with less than this share of the largest friction is slippery."""
-Place = Sequence[float] | np.ndarray
-"""(x, y), or (x, y, z) where there are several storeys [m]."""
+_SLIPPERY = 0.9  # Ground with less than this share of the largest friction is slippery
+Place = Sequence[float] | np.ndarray  # (x, y), or (x, y, z) where there are several storeys [m]
 FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
 """From places on the ground [m] to whether the scanner saw each."""
 
@@ -33,30 +31,25 @@ that paths keep off walls where they can."""
 _LEVEL = 0.5
 """Start and goal are chosen where the ground around has no more than this share of the slope on which the
 body stays upright, or among the half of the region with the least."""
-_NUM_ENDS = 4000
-"""Places of which start and goal are chosen at most, evenly spread."""
-_STOREY = 0.25
-"""A given z is that of ground no farther above or below than this [m]; half a storey is more."""
-_LOOK_AHEAD = 0.3
-"""The start heads for the path this far ahead [m]."""
+_NUM_ENDS = 4000  # Places of which start and goal are chosen at most, evenly spread
+_STOREY = 0.25  # A given z is that of ground no farther above or below than this [m]; half a storey is more
+_LOOK_AHEAD = 0.3  # The start heads for the path this far ahead [m]
 
 
 @dataclass(frozen=True)
 class RouteConfig:
     """How a route is chosen.
 
-    Attributes:
-        max_length: a route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s.
-        slope_cost: likewise ground as steep as the body climbs, against level ground; less slope costs less, by its
-            square. Slippery ground that is steeper than tracks hold on it costs still more.
-        slip_cost: ground without friction costs this many times more per length than the least slippery ground; what is
-            between, in proportion: paths go around ice where they can.
-
     Raises:
     """
 
+    # a route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s
     max_length: float = 10.0
+    # likewise ground as steep as the body climbs, against level ground; less slope costs less, by its square.
+    # Slippery ground that is steeper than tracks hold on it costs still more.
     slope_cost: float = 3.0
+    # ground without friction costs this many times more per length than the least slippery ground; what is
+    # between, in proportion: paths go around ice where they can
     slip_cost: float = 6.0
 
     def __post_init__(self) -> None:
@@ -66,25 +59,15 @@ class RouteConfig:
 
 @dataclass(frozen=True, eq=False)
 class DrivingRoute:
-    """A way over drivable ground, for the middle of a body.
+    """A way over drivable ground, for the middle of a body."""
 
-    Attributes:
-        start: (x, y, z) on the ground [m].
-        goal: (x, y, z) on the ground [m].
-        heading: direction in which the path begins [rad].
-        path: `[W, 3]` points on the ground from start to goal, about a cell apart [m].
-        length: length of the path [m].
-        clearance: smallest distance of the path from walls, rims and ground that is too steep [m].
-        region: number of the region on the map.
-    """
-
-    start: tuple[float, float, float]
-    goal: tuple[float, float, float]
-    heading: float
-    path: Float[np.ndarray, "W 3"]
-    length: float
-    clearance: float
-    region: int
+    start: tuple[float, float, float]  # (x, y, z) on the ground [m]
+    goal: tuple[float, float, float]  # (x, y, z) on the ground [m]
+    heading: float  # direction in which the path begins [rad]
+    path: Float[np.ndarray, "W 3"]  # points on the ground from start to goal, about a cell apart [m]
+    length: float  # length of the path [m]
+    clearance: float  # smallest distance of the path from walls, rims and ground that is too steep [m]
+    region: int  # number of the region on the map
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields, for JSON."""
@@ -284,8 +267,7 @@ def _make_route(points: Float[np.ndarray, "W 3"], clearance: float, region: int)
     )
 
 
-_NUM_DIRECTIONS = 36
-"""Ways through a place are tried in as many directions, 5 degrees apart."""
+_NUM_DIRECTIONS = 36  # Ways through a place are tried in as many directions, 5 degrees apart
 
 
 def find_nearest_level(

@@ -36,10 +36,8 @@ from symbrion_gym._src.assets import SCANNED
 from symbrion_gym._src.environment.config import STARTS
 from symbrion_gym._src.robot.organism import snake
 
-MODELS_OF_TRUTH = ("truth", "simple", *SCANNED)
-"""Named arenas that are the true course or models of it."""
-Place = tuple[float, float]
-"""x and y [m]."""
+MODELS_OF_TRUTH = ("truth", "simple", *SCANNED)  # Named arenas that are the true course or models of it
+Place = tuple[float, float]  # x and y [m]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

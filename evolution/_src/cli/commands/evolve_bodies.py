@@ -24,11 +24,9 @@ if TYPE_CHECKING:
     from evolution._src.search.bodies.learning import LevelResult
     from evolution._src.search.bodies.run import BodyRun
 
-PICTURE = "bodies.png"
-"""Of the fittest bodies, in the run folder."""
+PICTURE = "bodies.png"  # Of the fittest bodies, in the run folder
 MAX_DRAWN = 24
-_MORE = 2
-"""A search is proposed to go on to this many times what it has done."""
+_MORE = 2  # A search is proposed to go on to this many times what it has done
 
 
 def make_bodies_config(

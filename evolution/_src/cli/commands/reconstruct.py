@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from reconstruction._src.knowledge.slip.patches import FrictionEstimate
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
-MINIMUM_UNITS = 4
-"""A network begins as a tetrahedron or a square."""
+MINIMUM_UNITS = 4  # A network begins as a tetrahedron or a square
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

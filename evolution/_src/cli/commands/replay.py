@@ -22,8 +22,7 @@ from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count
 
-SPEED = 5.0
-"""Playback speed of video and viewer, relative to real time."""
+SPEED = 5.0  # Playback speed of video and viewer, relative to real time
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -21,26 +21,17 @@ from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.world import DECISION
 
-APART = 5.0
-"""Distance between pairs, which all run at once [m]: farther than a beacon is heard."""
-CHECK_EVERY = 10
-"""Decisions between two looks at who has locked."""
+APART = 5.0  # Distance between pairs, which all run at once [m]: farther than a beacon is heard
+CHECK_EVERY = 10  # Decisions between two looks at who has locked
 
 
 class DockingTimes(NamedTuple):
-    """Results of docking trials, one row each.
+    """Results of docking trials, one row each."""
 
-    Attributes:
-        position: start position, 1 to 5 as in the hardware's trials.
-        locked: whether the front dock locked.
-        seconds: from LocateBeacon to Locking [s]; nan where it did not lock.
-        recoveries: failed attempts.
-    """
-
-    position: Int[np.ndarray, " T"]
-    locked: Bool[np.ndarray, " T"]
-    seconds: Float[np.ndarray, " T"]
-    recoveries: Int[np.ndarray, " T"]
+    position: Int[np.ndarray, " T"]  # start position, 1 to 5 as in the hardware's trials
+    locked: Bool[np.ndarray, " T"]  # whether the front dock locked
+    seconds: Float[np.ndarray, " T"]  # from LocateBeacon to Locking [s]; nan where it did not lock
+    recoveries: Int[np.ndarray, " T"]  # failed attempts
 
 
 @dataclass(frozen=True)
@@ -49,24 +40,19 @@ class TrialSetup:
 
     The coordinates of the hardware's start positions are not known: `distances` were fitted to the times of trials
     without recoveries. `sides` and the small errors of the start are estimates.
-
-    Attributes:
-        distances: from the recruiter's dock to the center of the other robot, positions 1 to 3 [m].
-        sides: of positions 1 to 3, left, middle and right, from the axis of the dock [rad].
-        headings: of positions 4 (as 2) and 5 (as 3), off the direction to the dock, in turn [rad].
-        spread: standard deviations of start position [m] and heading [rad].
-        duration: a trial that takes longer has failed [s]; the longest of the robots took 242 s in all.
-        weights: of the behaviors.
-        hearing: how well robots hear.
     """
 
+    # from the recruiter's dock to the center of the other robot, positions 1 to 3 [m]
     distances: tuple[float, float, float] = (1.15, 0.88, 0.62)
+    # of positions 1 to 3, left, middle and right, from the axis of the dock [rad]
     sides: tuple[float, float, float] = (radians(10), 0.0, radians(-10))
+    # of positions 4 (as 2) and 5 (as 3), off the direction to the dock, in turn [rad]
     headings: tuple[float, ...] = (radians(45), radians(135), radians(-45), radians(-135))
-    spread: tuple[float, float] = (0.01, 0.05)
+    spread: tuple[float, float] = (0.01, 0.05)  # standard deviations of start position [m] and heading [rad]
+    # a trial that takes longer has failed [s]; the longest of the robots took 242 s in all
     duration: float = 240.0
-    weights: BehaviorWeights = field(default_factory=BehaviorWeights)
-    hearing: HearingConfig = field(default_factory=HearingConfig)
+    weights: BehaviorWeights = field(default_factory=BehaviorWeights)  # of the behaviors
+    hearing: HearingConfig = field(default_factory=HearingConfig)  # how well robots hear
 
 
 def run_docking_trials(

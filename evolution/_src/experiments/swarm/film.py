@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.swarm.placing import Field
 
 logger = logging.getLogger(__name__)
-FPS = 20
-"""Frames a second."""
+FPS = 20  # Frames a second
 SPEEDS = (20.0, 5.0)
 """How many times faster than the robots the film runs, while they gather, and from then on."""
 

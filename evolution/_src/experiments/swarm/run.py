@@ -27,22 +27,16 @@ from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.typed_json import JsonError, read_json
 from symbrion_gym._src.swarm.behavior.machine import Track
 
-MARKER = "swarm.json"
-"""The file that the command writes first; it holds what the other files were made with."""
+MARKER = "swarm.json"  # The file that the command writes first; it holds what the other files were made with
 OUTPUTS = ("run", "stories.json", "track.npz", "timeline.png", "film.mp4", "results.json")
 
 
 @dataclass
 class SwarmResult:
-    """What the stories came to.
+    """What the stories came to."""
 
-    Attributes:
-        track: of the first story.
-        rows: figures of all stories, docking ones first.
-    """
-
-    track: Track
-    rows: list[dict[str, Any]]
+    track: Track  # of the first story
+    rows: list[dict[str, Any]]  # figures of all stories, docking ones first
 
     def count(self, docks: bool) -> tuple[int, int]:
         """Return successes and number of the stories with or without docking."""

@@ -28,36 +28,25 @@ if TYPE_CHECKING:
     from evolution._src.search.validation import Champion
 
 LEAST_ROBOTS = 2
-BASELINE_TIME = 300.0
-"""A swarm that may not dock explores for so long [s]."""
+BASELINE_TIME = 300.0  # A swarm that may not dock explores for so long [s]
 
 
 @dataclass(frozen=True)
 class StoryConfig:
     """Configuration of `tell_story`.
 
-    Attributes:
-        arena: a name, folder or file of an arena with a pit.
-        seed: decides everything: equal seeds give equal results.
-        num_robots: Scouts; all of them form one snake.
-        docks: whether they may dock; without, they only explore, as a baseline.
-        gather_time: longest time until the organism is whole [s].
-        cross_time: longest crossing [s].
-        part_time: longest time until all have gone on [s].
-        weights: of the behaviors.
-
     Raises:
         RunError: a value is out of range.
     """
 
-    arena: str = "gsrm"
-    seed: int = 0
-    num_robots: int = 8
-    docks: bool = True
-    gather_time: float = 2400.0
-    cross_time: float = 120.0
-    part_time: float = 120.0
-    weights: BehaviorWeights = field(default_factory=BehaviorWeights)
+    arena: str = "gsrm"  # a name, folder or file of an arena with a pit
+    seed: int = 0  # decides everything: equal seeds give equal results
+    num_robots: int = 8  # Scouts; all of them form one snake
+    docks: bool = True  # whether they may dock; without, they only explore, as a baseline
+    gather_time: float = 2400.0  # longest time until the organism is whole [s]
+    cross_time: float = 120.0  # longest crossing [s]
+    part_time: float = 120.0  # longest time until all have gone on [s]
+    weights: BehaviorWeights = field(default_factory=BehaviorWeights)  # of the behaviors
 
     def __post_init__(self) -> None:
         check_counts(self, ("num_robots",), RunError)
@@ -74,60 +63,37 @@ class StoryConfig:
 
 @dataclass(frozen=True)
 class SwarmRunConfig:
-    """Configuration of `run_swarm`.
+    """Configuration of `run_swarm`."""
 
-    Attributes:
-        folder: output folder.
-        story: the story of the first seed.
-        trials: stories with other seeds, `story.seed + 1` on, without film.
-        champion: file or folder of the champion that crosses; None to evolve one in the arena.
-        generations: limit of its evolution.
-        workers: threads of its evolution; the results do not depend on their number.
-        film: whether to film the first story.
-        allow: modules of yours that the champion names and that may be imported.
-    """
-
-    folder: Path
-    story: StoryConfig = field(default_factory=StoryConfig)
-    trials: int = 0
+    folder: Path  # output folder
+    story: StoryConfig = field(default_factory=StoryConfig)  # the story of the first seed
+    trials: int = 0  # stories with other seeds, `story.seed + 1` on, without film
+    # file or folder of the champion that crosses; None to evolve one in the arena
     champion: Path | None = None
-    generations: int = 30
-    workers: int = 1
-    film: bool = True
-    allow: tuple[str, ...] = ()
+    generations: int = 30  # limit of its evolution
+    workers: int = 1  # threads of its evolution; the results do not depend on their number
+    film: bool = True  # whether to film the first story
+    allow: tuple[str, ...] = ()  # modules of yours that the champion names and that may be imported
 
 
 HOLD_TIME = 0.3
 """All modules are beyond the pit for so long before the organism parts [s], as the task of the snake has it."""
-FALLEN = -0.3
-"""A module whose up axis has less height has rolled over, likewise."""
+FALLEN = -0.3  # A module whose up axis has less height has rolled over, likewise
 
 
 @dataclass(frozen=True)
 class Story:
-    """What became of a swarm.
+    """What became of a swarm."""
 
-    Attributes:
-        config: of the story.
-        success: every robot beyond the pit, undocked and upright.
-        reason: what it failed at; "" for a success.
-        gathered: when the organism was whole [s]; nan if never.
-        crossed: when it was beyond the pit [s]; likewise.
-        ended: [s].
-        recoveries: failed attempts to dock, of all robots.
-        across: how many robots are beyond the pit at the end, undocked and upright.
-        track: where all were, with what they did.
-    """
-
-    config: StoryConfig
-    success: bool
-    reason: str
-    gathered: float
-    crossed: float
-    ended: float
-    recoveries: int
-    across: int
-    track: Track
+    config: StoryConfig  # of the story
+    success: bool  # every robot beyond the pit, undocked and upright
+    reason: str  # what it failed at; "" for a success
+    gathered: float  # when the organism was whole [s]; nan if never
+    crossed: float  # when it was beyond the pit [s]; likewise
+    ended: float  # [s]
+    recoveries: int  # failed attempts to dock, of all robots
+    across: int  # how many robots are beyond the pit at the end, undocked and upright
+    track: Track  # where all were, with what they did
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures, for JSON; nan as None."""

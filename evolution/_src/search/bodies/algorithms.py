@@ -17,16 +17,11 @@ from evolution._src.search.bodies.prediction import Prediction
 from evolution._src.search.bodies.run import BodyRun
 from evolution._src.search.bodies.variation import cross_over, make_random_body, mutate
 
-CANDIDATES = 30
-"""Children bred for each that learns, of which the prediction chooses."""
-_CROSSOVER_SHARE = 0.25
-"""Share of children by crossover rather than mutation."""
-_RANDOM_SHARE = 0.12
-"""Share of children that are new random bodies."""
-_TOURNAMENT_SIZE = 3
-"""Bodies of which the fittest becomes a parent."""
-OPTIMISM = 1.0
-"""Standard deviations added to a prediction: what is unknown is tried."""
+CANDIDATES = 30  # Children bred for each that learns, of which the prediction chooses
+_CROSSOVER_SHARE = 0.25  # Share of children by crossover rather than mutation
+_RANDOM_SHARE = 0.12  # Share of children that are new random bodies
+_TOURNAMENT_SIZE = 3  # Bodies of which the fittest becomes a parent
+OPTIMISM = 1.0  # Standard deviations added to a prediction: what is unknown is tried
 
 
 class Algorithm(Protocol):

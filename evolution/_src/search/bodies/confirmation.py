@@ -26,10 +26,8 @@ from evolution._src.search.validation import Validation, expect_success
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import as_integers
 
-CONFIRMATION = 3
-"""A kind of trials with conditions that are neither those of learning nor those of an exam."""
-CANDIDATES = 8
-"""Bodies that are tried again unless another number is given."""
+CONFIRMATION = 3  # A kind of trials with conditions that are neither those of learning nor those of an exam
+CANDIDATES = 8  # Bodies that are tried again unless another number is given
 _MOST = 1000
 
 

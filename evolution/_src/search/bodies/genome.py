@@ -19,8 +19,7 @@ from symbrion_gym._src.robot.organism import Docking, Organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 SOCKETS = ("back", "left", "right")
-Path = tuple[str, ...]
-"""The sockets from the root to a module."""
+Path = tuple[str, ...]  # The sockets from the root to a module
 _OPPOSITE = {"back": "back", "left": "right", "right": "left"}
 _LETTERS = {"back": "b", "left": "l", "right": "r"}
 
@@ -233,8 +232,7 @@ def _add_dockings(genome: BodyGenome, module: int, dockings: list[Docking]) -> N
         _add_dockings(limb, child, dockings)
 
 
-MAX_ENUMERATED = 9
-"""More modules have millions of bodies."""
+MAX_ENUMERATED = 9  # More modules have millions of bodies
 
 
 def enumerate_bodies(num_modules: int) -> list[BodyGenome]:

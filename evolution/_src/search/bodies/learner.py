@@ -17,37 +17,25 @@ from evolution._src.search.bodies.config import BodyEvolutionConfig
 from evolution._src.search.bodies.learning import BodyGenome, Learning, LevelResult
 from evolution._src.search.bodies.record import BodyRecord
 
-LEARNING, EXAM = 0, 1
-"""Kinds of trials, each with conditions of its own."""
+LEARNING, EXAM = 0, 1  # Kinds of trials, each with conditions of its own
 
 
 class Tried(NamedTuple):
-    """How far assignments have come.
+    """How far assignments have come."""
 
-    Attributes:
-        trials: tried so far.
-        due: trials of all of them.
-        seconds: simulated so far [s].
-    """
-
-    trials: int
-    due: int
-    seconds: float
+    trials: int  # tried so far
+    due: int  # trials of all of them
+    seconds: float  # simulated so far [s]
 
 
 OnTried = Callable[[Tried], None]
 
 
 class Assignment(NamedTuple):
-    """A body, and the level to which it shall learn.
+    """A body, and the level to which it shall learn."""
 
-    Attributes:
-        body: the body and where it begins.
-        level: index of the level.
-    """
-
-    body: BodyGenome
-    level: int
+    body: BodyGenome  # the body and where it begins
+    level: int  # index of the level
 
 
 class Learner:

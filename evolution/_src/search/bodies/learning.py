@@ -85,31 +85,19 @@ class LearningConfig:
 
 
 class LevelResult(NamedTuple):
-    """What a body has learned at the end of a level.
+    """What a body has learned at the end of a level."""
 
-    Attributes:
-        body: its genome.
-        level: index of the level.
-        fitness: fitness of the best genotype in the trials of the exam; without an exam, that of learning.
-        successes: its successful trials there.
-        trials: number of these; 0 without an exam.
-        effort: mean effort there.
-        genotype: the best genotype of learning.
-        names: names of its genes.
-        curve: best fitness of each generation of learning.
-        seconds: simulated in this level [s].
-    """
-
-    body: BodyGenome
-    level: int
+    body: BodyGenome  # its genome
+    level: int  # index of the level
+    # fitness of the best genotype in the trials of the exam; without an exam, that of learning
     fitness: float
-    successes: int
-    trials: int
-    effort: float
-    genotype: tuple[float, ...]
-    names: tuple[str, ...]
-    curve: tuple[float, ...]
-    seconds: float
+    successes: int  # its successful trials there
+    trials: int  # number of these; 0 without an exam
+    effort: float  # mean effort there
+    genotype: tuple[float, ...]  # the best genotype of learning
+    names: tuple[str, ...]  # names of its genes
+    curve: tuple[float, ...]  # best fitness of each generation of learning
+    seconds: float  # simulated in this level [s]
 
 
 class Learning:

@@ -36,8 +36,7 @@ from evolution._src.search.run import RunFolder
 from reconstruction._src.base.progress import Progress, silent
 
 logger = logging.getLogger(__name__)
-OnIteration = Callable[[BodyRun], None]
-"""Called with the run so far after each iteration."""
+OnIteration = Callable[[BodyRun], None]  # Called with the run so far after each iteration
 
 
 def evolve_bodies(

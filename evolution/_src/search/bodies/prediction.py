@@ -26,41 +26,27 @@ from jaxtyping import Bool, Float, Int
 from evolution._src.search.bodies.genome import BodyGenome, parse_genome
 from evolution._src.search.bodies.learning import LevelResult
 
-MAX_LESSONS = 250
-"""Results that a prediction rests on, the last ones: its time grows with their third power."""
+MAX_LESSONS = 250  # Results that a prediction rests on, the last ones: its time grows with their third power
 _REACHES, _OWN, _BETWEEN, _NOISES = (0.7, 1.5, 3.0), (0.1, 0.4, 0.8), (0.95, 0.7, 0.3), (0.01, 0.1, 0.4)
 """Values of l [modules], b, c and n."""
-_ALONG = 0.7
-"""A module looks along the body where the cosine of its heading is beyond this."""
+_ALONG = 0.7  # A module looks along the body where the cosine of its heading is beyond this
 _SMALLEST_SPREAD = 1e-9
 
 
 class _Levels(NamedTuple):
-    """Results as numbers.
+    """Results as numbers."""
 
-    Attributes:
-        shapes: of the bodies, see `describe_shape`.
-        bodies: number of each body; equal for equal bodies.
-        levels: index of the level.
-    """
-
-    shapes: Float[np.ndarray, "N 7"]
-    bodies: Int[np.ndarray, " N"]
-    levels: Int[np.ndarray, " N"]
+    shapes: Float[np.ndarray, "N 7"]  # of the bodies, see `describe_shape`
+    bodies: Int[np.ndarray, " N"]  # number of each body; equal for equal bodies
+    levels: Int[np.ndarray, " N"]  # index of the level
 
 
 class _Likeness(NamedTuple):
-    """How results differ from others.
+    """How results differ from others."""
 
-    Attributes:
-        squares: squared distances of the shapes.
-        is_same: whether the body is the same one.
-        levels: levels between them.
-    """
-
-    squares: Float[np.ndarray, "N M"]
-    is_same: Bool[np.ndarray, "N M"]
-    levels: Int[np.ndarray, "N M"]
+    squares: Float[np.ndarray, "N M"]  # squared distances of the shapes
+    is_same: Bool[np.ndarray, "N M"]  # whether the body is the same one
+    levels: Int[np.ndarray, "N M"]  # levels between them
 
 
 def describe_shape(body: BodyGenome) -> Float[np.ndarray, " 7"]:

@@ -30,43 +30,29 @@ from reconstruction._src.base.typed_json import JsonError, read_json
 
 CONFIG, RECORD, TABLE, CHAMPION = "config.json", "record.json", "bodies.csv", "champion.json"
 CONFIRMED = "confirmation.json"
-KIND = BODIES
-"""What `config.json` says the folder is a run of."""
+KIND = BODIES  # What `config.json` says the folder is a run of
 COLUMNS = ("body", "plan", "modules", "level", "fitness", "successes", "trials", "effort", "seconds")
 
 
 class Confirmation(NamedTuple):
-    """A champion that has been tried again.
+    """A champion that has been tried again."""
 
-    Attributes:
-        champion: the body and its controller, with the successes of these trials.
-        result: what it had learned.
-        seconds: simulated for all candidates [s].
-    """
-
-    champion: Champion
-    result: LevelResult
-    seconds: float
+    champion: Champion  # the body and its controller, with the successes of these trials
+    result: LevelResult  # what it had learned
+    seconds: float  # simulated for all candidates [s]
 
 
 @dataclass(frozen=True)
 class BodyRun:
-    """The state of a search for bodies.
+    """The state of a search for bodies."""
 
-    Attributes:
-        config: configuration of the run.
-        record: what every body has learned.
-        history: after each iteration, the simulated time of the run so far [s] and the best fitness of a body that
-            has learned to the last level; -inf before there is one.
-        folder: folder of the run; None if it is in memory only.
-        confirmation: the champion by fresh trials; None where the fittest bodies have not been tried again
-            (`ev.confirm`).
-    """
-
-    config: BodyEvolutionConfig
-    record: BodyRecord
+    config: BodyEvolutionConfig  # configuration of the run
+    record: BodyRecord  # what every body has learned
+    # after each iteration, the simulated time of the run so far [s] and the best fitness of a body that has
+    # learned to the last level; -inf before there is one
     history: tuple[tuple[float, float], ...]
-    folder: Path | None = None
+    folder: Path | None = None  # folder of the run; None if it is in memory only
+    # the champion by fresh trials; None where the fittest bodies have not been tried again (`ev.confirm`)
     confirmation: Confirmation | None = None
 
     @property

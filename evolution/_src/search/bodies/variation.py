@@ -29,16 +29,12 @@ Operator = Callable[[BodyGenome], Iterator[BodyGenome]]
 class BodyLimits:
     """How many modules a body has.
 
-    Attributes:
-        smallest: at least this many.
-        largest: at most this many.
-
     Raises:
         RunError: the range is empty or begins below 1.
     """
 
-    smallest: int = 1
-    largest: int = 8
+    smallest: int = 1  # at least this many
+    largest: int = 8  # at most this many
 
     def __post_init__(self) -> None:
         if not 1 <= self.smallest <= self.largest:

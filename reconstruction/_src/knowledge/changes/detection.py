@@ -20,8 +20,7 @@ from reconstruction._src.geometry.rows import (
 )
 from reconstruction._src.knowledge.changes.free_space import FACE_REACH, find_crossed_vertices, number_parts
 
-_AXIS_SAMPLES = 4096
-"""As many vertices of a patch determine the plane in which it extends most."""
+_AXIS_SAMPLES = 4096  # As many vertices of a patch determine the plane in which it extends most
 
 
 _COMPLETE_SHARE = 0.8
@@ -30,17 +29,13 @@ a partial scan removes what the scanner could not see."""
 _NUM_SECTORS = 12
 """Directions around a patch in which readings must lie just beyond it. More, and small gaps between the readings keep
 a patch that is gone."""
-_RIM_WIDTH = 6.0
-"""Readings up to this many vertex spacings beyond the patch's extent lie just beyond it."""
-_MIN_PATCH = 3
-"""Vertices of the smallest patch that can be gone; fewer miss their readings by chance."""
+_RIM_WIDTH = 6.0  # Readings up to this many vertex spacings beyond the patch's extent lie just beyond it
+_MIN_PATCH = 3  # Vertices of the smallest patch that can be gone; fewer miss their readings by chance
 _READING_REACH = 1.5
 """A vertex is read where a new reading lies within this many times the usual distance between readings, and one
 vertex spacing. Smaller, and vertices between sparse readings seem unread."""
-_DENSITY_NEIGHBORS = 5
-"""Readings in the ball that measures the density, its center included."""
-_NUM_DENSITY_PROBES = 256
-"""Places at which the density of the new readings is measured."""
+_DENSITY_NEIGHBORS = 5  # Readings in the ball that measures the density, its center included
+_NUM_DENSITY_PROBES = 256  # Places at which the density of the new readings is measured
 
 
 def thin(rows: Shaped[np.ndarray, "N ..."], most: int) -> Shaped[np.ndarray, "M ..."]:
@@ -133,52 +128,32 @@ _POOL_PER_KNOWN = 4
 _TOLERANCE = 4.0
 """A reading farther from the surface than this many times the usual distance disagrees. Of normally distributed noise
 one reading in 700 does; lower, and noise moves vertices."""
-_STRONG_RATIO = 1.5
-"""A disagreement of more than this many tolerances is strong: no noise reaches so far."""
-_MIN_READINGS = 3
-"""Readings that must disagree near a vertex, or be strong together; fewer may be outliers."""
-_CROWD_DISTANCE = 3.0
-"""Readings within this many vertex spacings are near one another."""
-_MOVED_SHARE = 0.3
-"""A vertex has moved where more than this share of its new readings disagree."""
+_STRONG_RATIO = 1.5  # A disagreement of more than this many tolerances is strong: no noise reaches so far
+_MIN_READINGS = 3  # Readings that must disagree near a vertex, or be strong together; fewer may be outliers
+_CROWD_DISTANCE = 3.0  # Readings within this many vertex spacings are near one another
+_MOVED_SHARE = 0.3  # A vertex has moved where more than this share of its new readings disagree
 _SIGNIFICANCE = 3.0
 """It has not moved where no more disagree than the old readings predict, within this many standard deviations. A
 coarse mesh cuts corners, so that some readings always disagree there."""
-_CROP_MARGIN = 2.0
-"""Faces and old points within this many vertex spacings of the new readings are compared."""
-_MIN_COMPARED = 4096
-"""At least this many of the new readings are compared, where there are as many."""
-_COMPARED_PER_FACE = 3
-"""Of more readings than this for each face only a part is compared; more are slower."""
-_NUM_PROBES = 1000
-"""Old points that measure the usual distance to the surface."""
-_MIN_PROBES = 100
-"""Where fewer old points lie near the new readings, all old points are probed."""
+_CROP_MARGIN = 2.0  # Faces and old points within this many vertex spacings of the new readings are compared
+_MIN_COMPARED = 4096  # At least this many of the new readings are compared, where there are as many
+_COMPARED_PER_FACE = 3  # Of more readings than this for each face only a part is compared; more are slower
+_NUM_PROBES = 1000  # Old points that measure the usual distance to the surface
+_MIN_PROBES = 100  # Where fewer old points lie near the new readings, all old points are probed
 
 
 class Change(NamedTuple):
-    """New readings, compared with a surface.
+    """New readings, compared with a surface."""
 
-    Attributes:
-        compared: the new readings that were compared: all, or as many as suffice.
-        winners: the vertex nearest to each of these.
-        distance: distance of each of these from the surface [m].
-        tolerance: the distance up to which a reading agrees [m].
-        is_moved: vertices whose new readings disagree with the surface.
-        is_strong: vertices with several readings that disagree by more than any noise.
-        is_gone: vertices without new readings though what surrounds them was read again, and those that
-            rays go through.
-        is_read: vertices with a new reading nearby.
-    """
-
-    compared: Int[np.ndarray, " C"]
-    winners: Int[np.ndarray, " C"]
-    distance: Float[np.ndarray, " C"]
-    tolerance: float
-    is_moved: Bool[np.ndarray, " V"]
-    is_strong: Bool[np.ndarray, " V"]
+    compared: Int[np.ndarray, " C"]  # the new readings that were compared: all, or as many as suffice
+    winners: Int[np.ndarray, " C"]  # the vertex nearest to each of these
+    distance: Float[np.ndarray, " C"]  # distance of each of these from the surface [m]
+    tolerance: float  # the distance up to which a reading agrees [m]
+    is_moved: Bool[np.ndarray, " V"]  # vertices whose new readings disagree with the surface
+    is_strong: Bool[np.ndarray, " V"]  # vertices with several readings that disagree by more than any noise
+    # vertices without new readings though what surrounds them was read again, and those that rays go through
     is_gone: Bool[np.ndarray, " V"]
-    is_read: Bool[np.ndarray, " V"]
+    is_read: Bool[np.ndarray, " V"]  # vertices with a new reading nearby
 
     @property
     def disagrees(self) -> Bool[np.ndarray, " C"]:

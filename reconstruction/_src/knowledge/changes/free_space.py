@@ -33,22 +33,19 @@ def number_parts(faces: Int[np.ndarray, "F 3"], is_marked: Bool[np.ndarray, " V"
     return number
 
 
-_MIN_RAYS = 3
-"""Rays that must go through a vertex's faces before it is gone; fewer may be outliers."""
+_MIN_RAYS = 3  # Rays that must go through a vertex's faces before it is gone; fewer may be outliers
 _CROSSING_SHARE = 0.3
 """A vertex is gone where the rays that go through are more than this share of them and the readings that agree with
 it. Higher, and half-transparent objects stay."""
 _MAX_RAYS = 4096
 """Largest number of rays that are all followed; of more, every n-th is. Fewer are faster and miss small objects."""
-_MAX_HITS = 8
-"""Faces that are tested along each ray."""
+_MAX_HITS = 8  # Faces that are tested along each ray
 _RESTART = 0.01
 """Behind a hit a ray starts again, this many margins on, so that it does not meet the face again."""
 _NUM_STRETCHES = 6
 """Stretches into which the rays are cut; only faces in the bounding box of one are tested. More leave out more faces,
 and cost more boxes."""
-FACE_REACH = 2.0
-"""Faces whose corners all lie farther than this many vertex spacings from all rays meet none."""
+FACE_REACH = 2.0  # Faces whose corners all lie farther than this many vertex spacings from all rays meet none
 
 
 def find_crossed_vertices(
@@ -83,19 +80,12 @@ def find_crossed_vertices(
 
 
 class _Hits(NamedTuple):
-    """Where rays meet faces, ray by ray and along each ray.
+    """Where rays meet faces, ray by ray and along each ray."""
 
-    Attributes:
-        ray: index of the ray.
-        face: index of the face.
-        share: fraction of the way from the ray's origin to its end.
-        corner: corner of the face, 0 to 2, the one nearest to the hit.
-    """
-
-    ray: Int[np.ndarray, " H"]
-    face: Int[np.ndarray, " H"]
-    share: Float[np.ndarray, " H"]
-    corner: Int[np.ndarray, " H"]
+    ray: Int[np.ndarray, " H"]  # index of the ray
+    face: Int[np.ndarray, " H"]  # index of the face
+    share: Float[np.ndarray, " H"]  # fraction of the way from the ray's origin to its end
+    corner: Int[np.ndarray, " H"]  # corner of the face, 0 to 2, the one nearest to the hit
 
 
 def _find_crossings(

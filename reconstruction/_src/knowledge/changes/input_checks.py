@@ -5,8 +5,7 @@ from jaxtyping import Float
 
 from reconstruction._src.base.errors import ReconstructionError
 
-NUM_SCALE_PROBES = 2048
-"""As many points of each cloud are enough to compare their sizes."""
+NUM_SCALE_PROBES = 2048  # As many points of each cloud are enough to compare their sizes
 
 
 def check_origins(origins: object, num_points: int) -> Float[np.ndarray, "M 3"]:

@@ -9,17 +9,14 @@ from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 from reconstruction._src.knowledge.changes.detection import Change
 from reconstruction._src.knowledge.changes.free_space import widen
 
-_STRONG_RINGS = 2
-"""A vertex has moved only within this many rings of a vertex with strong disagreement."""
+_STRONG_RINGS = 2  # A vertex has moved only within this many rings of a vertex with strong disagreement
 _MAX_EXTENSION_RISE = 0.5
 """Readings beyond the boundary that rise by less than this (sine against the surface) extend it: the old points at the
 boundary are still valid."""
 _NEAR_RINGS = 2
 """Old points of vertices within this many rings of a changed one are compared with the new readings themselves."""
-_PLANE_READINGS = 10
-"""New readings that give the plane on which an old point must lie."""
-_BESIDE = 2.0
-"""They lie beside it where their middle is within this many times their own spread."""
+_PLANE_READINGS = 10  # New readings that give the plane on which an old point must lie
+_BESIDE = 2.0  # They lie beside it where their middle is within this many times their own spread
 _MIN_CONFIRMATIONS = 4.0
 """Readings that a vertex must win on average for their absence to mean that it is gone."""
 

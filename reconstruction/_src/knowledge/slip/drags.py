@@ -23,10 +23,8 @@ from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.range_checks import check_not_negative
 from reconstruction._src.scans.slip_readings import SlipReadings
 
-_ROUNDING = 1e-6
-"""Times closer than this are the same [s]."""
-_GAUSSIAN = 1.4826
-"""Standard deviation of a normal distribution in median absolute deviations."""
+_ROUNDING = 1e-6  # Times closer than this are the same [s]
+_GAUSSIAN = 1.4826  # Standard deviation of a normal distribution in median absolute deviations
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,7 @@ class SlipPriors:
 
 _LEAST_SLIP = 0.10
 """Slip from which tracks hold with all that friction gives [m/s]; below it the force rises with slip."""
-_SETTLING = 0.16
-"""What of a drag is left out at its beginning, as the body still swings [s]."""
+_SETTLING = 0.16  # What of a drag is left out at its beginning, as the body still swings [s]
 _WINDOW = 0.16
 """Each reading of friction is a mean over this; longer ones are less noisy and know less of where [s]."""
 _BEND = 0.03
@@ -68,28 +65,19 @@ _BEND = 0.03
 tracks are in the air [rad]."""
 _LEAST_LOAD = 0.5
 """The ground carries less than this share of the weight: the module is held up by the others."""
-_MOST_LOAD = 1.6
-"""And more than this: it carries others."""
-_PAIR_DISTANCE = 0.2
-"""Drags in opposite directions closer than this are on the same ground [m]."""
+_MOST_LOAD = 1.6  # And more than this: it carries others
+_PAIR_DISTANCE = 0.2  # Drags in opposite directions closer than this are on the same ground [m]
 
 
 class FrictionReadings(NamedTuple):
-    """Friction by place, one row a drag.
+    """Friction by place, one row a drag."""
 
-    Attributes:
-        places: middle of the module during the drag [m].
-        frictions: friction of the ground below it.
-        sigmas: standard deviation of each by noise.
-        shared: standard deviation by errors that readings of one ground have in common, which do not average out.
-        runs: number of the uninterrupted drive.
-    """
-
-    places: Float[np.ndarray, "D 3"]
-    frictions: Float[np.ndarray, " D"]
-    sigmas: Float[np.ndarray, " D"]
+    places: Float[np.ndarray, "D 3"]  # middle of the module during the drag [m]
+    frictions: Float[np.ndarray, " D"]  # friction of the ground below it
+    sigmas: Float[np.ndarray, " D"]  # standard deviation of each by noise
+    # standard deviation by errors that readings of one ground have in common, which do not average out
     shared: Float[np.ndarray, " D"]
-    runs: Int[np.ndarray, " D"]
+    runs: Int[np.ndarray, " D"]  # number of the uninterrupted drive
 
 
 class _Drags(NamedTuple):

@@ -11,60 +11,43 @@ from scipy.spatial import cKDTree
 from reconstruction._src.knowledge.slip.drags import FrictionReadings
 from reconstruction._src.scans.slip_readings import find_segments
 
-_NORMAL_95 = 1.96
-"""Half-width of a 95 % interval in standard deviations."""
-_LEAST_SIGMA = 1e-3
-"""Standard deviations below this are rounding."""
+_NORMAL_95 = 1.96  # Half-width of a 95 % interval in standard deviations
+_LEAST_SIGMA = 1e-3  # Standard deviations below this are rounding
 
 
 _PENALTY = 16.0
 """Cost of one more change along the way, in squared standard deviations: 16 takes one for a change of 4
 standard deviations, which chance shows once in 16,000 readings."""
-_LEAST_READINGS = 2
-"""Stretches of fewer are left out."""
+_LEAST_READINGS = 2  # Stretches of fewer are left out
 _BORDER = 0.06
 """Readings closer to a change are left out: the module, which touches the ground over 65 mm, may have stood on
 both sides [m]."""
 _SAME = 0.03
 """Stretches whose frictions differ by less, or by less than `certainty` standard deviations, are one patch."""
-_CERTAINTY = 3.0
-"""See `same`."""
+_CERTAINTY = 3.0  # See `same`
 _REACH = 0.3
 """Ground up to this far from a reading is of its patch [m]; what is farther away is of the largest patch."""
-_CELL = 0.05
-"""Sides of patches are multiples of this [m]."""
+_CELL = 0.05  # Sides of patches are multiples of this [m]
 _LEAST_AREA = 0.05
 """Rectangles of less at the rim of a patch are left out: nobody knows borders to a centimeter [m²]."""
 
 
 class EstimatedPatch(NamedTuple):
-    """Ground of one friction.
+    """Ground of one friction."""
 
-    Attributes:
-        friction: its friction.
-        half_width: half-width of the 95 % interval.
-        rectangles: `[R, 4]` lowest x and y, highest x and y [m]; none for the largest patch, which is the rest.
-        num_readings: number of readings in it.
-    """
-
-    friction: float
-    half_width: float
+    friction: float  # its friction
+    half_width: float  # half-width of the 95 % interval
+    # lowest x and y, highest x and y [m]; none for the largest patch, which is the rest
     rectangles: Float[np.ndarray, "R 4"]
-    num_readings: int
+    num_readings: int  # number of readings in it
 
 
 class FrictionEstimate(NamedTuple):
-    """What is known of the friction of a ground.
+    """What is known of the friction of a ground."""
 
-    Attributes:
-        patches: the largest first; it is all ground outside of the others.
-        readings: friction by place.
-        patch_of: number of the patch of every reading; -1 on borders.
-    """
-
-    patches: tuple[EstimatedPatch, ...]
-    readings: FrictionReadings
-    patch_of: Int[np.ndarray, " D"]
+    patches: tuple[EstimatedPatch, ...]  # the largest first; it is all ground outside of the others
+    readings: FrictionReadings  # friction by place
+    patch_of: Int[np.ndarray, " D"]  # number of the patch of every reading; -1 on borders
 
 
 def estimate_friction_patches(readings: FrictionReadings) -> FrictionEstimate | None:

@@ -48,36 +48,24 @@ from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.density import measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
 
-_FREE_RINGS = 2
-"""Units within this many rings of a changed one learn again with it."""
-_REACH = 2.0
-"""A point is reached where a unit lies within this many median sides of the grid."""
-_REACHED = 0.99
-"""A sheet that reaches a smaller share of the points is grown again."""
+_FREE_RINGS = 2  # Units within this many rings of a changed one learn again with it
+_REACH = 2.0  # A point is reached where a unit lies within this many median sides of the grid
+_REACHED = 0.99  # A sheet that reaches a smaller share of the points is grown again
 
 
-_GROWTH = 6.0
-"""Factor on the number of units in a round of the growth phase."""
-_SAMPLES_PER_UNIT = 20
-"""Points used while growing, for each unit."""
-_ITERATIONS = 3
-"""Batch steps a round."""
-_FIRST_ITERATIONS = 10
-"""Batch steps a round while the grid is small: it settles its direction then."""
-_START_SIGMA = 0.3
-"""Width of the neighborhood of the first four units, in grid steps."""
-_SIGMA = 0.9
-"""Width of the neighborhood while growing, in grid steps."""
+_GROWTH = 6.0  # Factor on the number of units in a round of the growth phase
+_SAMPLES_PER_UNIT = 20  # Points used while growing, for each unit
+_ITERATIONS = 3  # Batch steps a round
+_FIRST_ITERATIONS = 10  # Batch steps a round while the grid is small: it settles its direction then
+_START_SIGMA = 0.3  # Width of the neighborhood of the first four units, in grid steps
+_SIGMA = 0.9  # Width of the neighborhood while growing, in grid steps
 _MAX_SIGMA_SHARE = 0.2
 """The width is at most this share of the shorter side of the grid, or a small grid would shrink."""
-_FIT_SAMPLES_PER_UNIT = 200
-"""Points used by the final fit, for each unit."""
+_FIT_SAMPLES_PER_UNIT = 200  # Points used by the final fit, for each unit
 _FINAL_FIT = FitConfig(stiffness=0.03, step_limit=0.5, reach=4.0)
 """The final fit; its lengths are in grid steps."""
-_SIGNALS_PER_UNIT = 30
-"""Signals between two insertions, for each unit (paper mode; lambda_g)."""
-_FINE_SIGNALS_PER_UNIT = 100
-"""Signals of the fine-tuning, for each unit (paper mode; lambda_f)."""
+_SIGNALS_PER_UNIT = 30  # Signals between two insertions, for each unit (paper mode; lambda_g)
+_FINE_SIGNALS_PER_UNIT = 100  # Signals of the fine-tuning, for each unit (paper mode; lambda_f)
 
 
 @dataclass(frozen=True)
@@ -123,15 +111,10 @@ class GrowingGridConfig:
 
 
 class State(NamedTuple):
-    """A trained grid.
+    """A trained grid."""
 
-    Attributes:
-        units: reference vectors [m].
-        has_face: whether the cell between four units belongs to the surface.
-    """
-
-    units: Float[np.ndarray, "R C 3"]
-    has_face: Bool[np.ndarray, "R-1 C-1"]
+    units: Float[np.ndarray, "R C 3"]  # reference vectors [m]
+    has_face: Bool[np.ndarray, "R-1 C-1"]  # whether the cell between four units belongs to the surface
 
     @property
     def vertices(self) -> Float[np.ndarray, "V 3"]:

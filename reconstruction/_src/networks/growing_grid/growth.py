@@ -10,10 +10,8 @@ from reconstruction._src.geometry.rows import compute_lengths
 
 Insertion = Literal["longest", "counter", "distant"]
 
-_AXIS_POINTS = 4096
-"""As many points determine the principal axes."""
-_MAX_STRETCH = 1.25
-"""The rows of the last round may be this many times more, or fewer, than the rule gives."""
+_AXIS_POINTS = 4096  # As many points determine the principal axes
+_MAX_STRETCH = 1.25  # The rows of the last round may be this many times more, or fewer, than the rule gives
 _UNITS_WEIGHT, _TRIANGLES_WEIGHT = 10, 100
 """How much the relative error of the wanted number counts against the logarithm of the change in proportion: a wanted
 number of units is approximate, one of triangles is to be met."""

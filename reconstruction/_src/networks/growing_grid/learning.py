@@ -20,20 +20,15 @@ from reconstruction._src.networks.som.winners import (
 )
 from reconstruction._src.networks.surface_fit import make_ring
 
-TAPS = 3
-"""Reach of the neighborhood along each grid axis."""
-MAX_ITERATIONS = 24
-"""Iterations of a fit at most."""
-ROOM = 1.1
-"""There is room for this many times the wanted units: a round may exceed its number."""
+TAPS = 3  # Reach of the neighborhood along each grid axis
+MAX_ITERATIONS = 24  # Iterations of a fit at most
+ROOM = 1.1  # There is room for this many times the wanted units: a round may exceed its number
 _MAX_SHORT = 0.02
 """Share of tiles that may reach beyond their list of candidates before all lists are made twice as long."""
-_FAR = 1e6
-"""Where padded units stand: they win nothing, and squares stay finite in float32."""
+_FAR = 1e6  # Where padded units stand: they win nothing, and squares stay finite in float32
 _MIN_SAMPLES = 4096
 """The number of samples is this or its double and so on, so that few programs are compiled."""
-_RING_DEPTH = 8
-"""A unit of a grid has at most eight faces: four cells of two triangles."""
+_RING_DEPTH = 8  # A unit of a grid has at most eight faces: four cells of two triangles
 
 
 def choose_num_samples(num_points: int, wanted: int) -> int:

@@ -99,17 +99,14 @@ def _shape(
     return area / np.maximum(longest, 1e-30)
 
 
-_PLACES = np.array([0.2, 0.5, 0.8])
-"""Along each side of a cell: nine places spread evenly over it."""
+_PLACES = np.array([0.2, 0.5, 0.8])  # Along each side of a cell: nine places spread evenly over it
 
 
 _STRETCH = 2.0
 """Only cells with a side longer than this many median sides are tested: where there are points, units are,
 too."""
-_MAX_VOID = 0.5
-"""A cell of which a larger share lies far from all points is no surface."""
-_NUM_NEAR = 10
-"""Neighbors in the ball that measures the spacing of the points."""
+_MAX_VOID = 0.5  # A cell of which a larger share lies far from all points is no surface
+_NUM_NEAR = 10  # Neighbors in the ball that measures the spacing of the points
 
 
 def find_covered_cells(

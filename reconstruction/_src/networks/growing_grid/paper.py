@@ -16,16 +16,12 @@ from reconstruction._src.base.progress import Progress
 from reconstruction._src.networks.growing_grid.growth import Insertion, choose_line_pair, insert_lines
 from reconstruction._src.networks.som.compilation import padded_length
 
-SIGMA = 0.9
-"""Width of the neighborhood on the L1 distance in the grid (Fritzke's sigma)."""
+SIGMA = 0.9  # Width of the neighborhood on the L1 distance in the grid (Fritzke's sigma)
 RATE, FINAL_RATE = 0.1, 0.005
 """Adaptation strength (epsilon) while growing, and at the end of the fine-tuning."""
-REACH = 3
-"""Units farther than this along an axis move by less than a 250th of the winner's step; they stay."""
-_FAR = 1e6
-"""Where padded units stand: they win nothing, and squares stay finite in float32."""
-_MIN_SIDE = 8
-"""Rows and columns for which there is room at least, so that few programs are compiled."""
+REACH = 3  # Units farther than this along an axis move by less than a 250th of the winner's step; they stay
+_FAR = 1e6  # Where padded units stand: they win nothing, and squares stay finite in float32
+_MIN_SIDE = 8  # Rows and columns for which there is room at least, so that few programs are compiled
 
 
 def train(

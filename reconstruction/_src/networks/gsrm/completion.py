@@ -13,28 +13,21 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.rows import compute_lengths
 
-PASSES = 2
-"""How often the rest is looked for; 0: never."""
-_NEIGHBORS = 8
-"""Samples around a sample that measure its spacing."""
+PASSES = 2  # How often the rest is looked for; 0: never
+_NEIGHBORS = 8  # Samples around a sample that measure its spacing
 _COMPLETION_GAP = 2.5
 """A sample farther than this from every face is uncovered. Lower, and what stands off by noise is covered
 twice; higher, and strips along the rims of the surface stay bare."""
 _EDGE_SHARE = 0.75
 """Nor is it uncovered nearer than this share of the mean edge of the map: faces cut corners."""
-_LINK = 3.0
-"""Uncovered samples nearer to one another than this are one group."""
-_MIN_SAMPLES = 12
-"""A smaller group is stray: mixed pixels, insects, dust."""
+_LINK = 3.0  # Uncovered samples nearer to one another than this are one group
+_MIN_SAMPLES = 12  # A smaller group is stray: mixed pixels, insects, dust
 _FLATNESS = 0.06
 """Least variance over the largest of a sample and its neighbors, below which they are flat; of samples that
 fill space it is 0.1 to 0.5."""
-_FLAT_SHARE = 0.35
-"""A group of which a smaller share of the samples is flat fills space: no surface."""
-SAMPLES_PER_UNIT = 4.0
-"""Samples of such a group for each new unit. They are sparse, so fewer than usual."""
-MAX_SHARE = 0.25
-"""The most new units in all, as a share of those wanted."""
+_FLAT_SHARE = 0.35  # A group of which a smaller share of the samples is flat fills space: no surface
+SAMPLES_PER_UNIT = 4.0  # Samples of such a group for each new unit. They are sparse, so fewer than usual.
+MAX_SHARE = 0.25  # The most new units in all, as a share of those wanted
 
 
 def find_uncovered(

@@ -30,42 +30,27 @@ from reconstruction._src.networks.som.winners import (
 
 _NOWHERE = 1e6
 """Where unused slots wait: no sample is nearer to them than to a unit, and squares stay finite in float32."""
-_MAX_ROUNDS = 100
-"""A map that has not grown to its size by then cannot: there are too few distinct samples."""
-_CANDIDATE_AGE = 2
-"""Passes of settling for which one list of candidates does: units hardly move then."""
+_MAX_ROUNDS = 100  # A map that has not grown to its size by then cannot: there are too few distinct samples
+_CANDIDATE_AGE = 2  # Passes of settling for which one list of candidates does: units hardly move then
 
 
 class Tally(NamedTuple):
-    """What one pass measures at every unit.
+    """What one pass measures at every unit."""
 
-    Attributes:
-        means: mean of the samples won; the unit's own place where there are none.
-        counts: samples won.
-        errors: sum of squared distances to them.
-        worst_neighbors: the neighbor with the largest error; the unit of largest error where none.
-        spacings: mean distance between the samples won.
-    """
-
-    means: Float[np.ndarray, "U 3"]
-    counts: Float[np.ndarray, " U"]
-    errors: Float[np.ndarray, " U"]
+    means: Float[np.ndarray, "U 3"]  # mean of the samples won; the unit's own place where there are none
+    counts: Float[np.ndarray, " U"]  # samples won
+    errors: Float[np.ndarray, " U"]  # sum of squared distances to them
+    # the neighbor with the largest error; the unit of largest error where none
     worst_neighbors: Int[np.ndarray, " U"]
-    spacings: Float[np.ndarray, " U"]
+    spacings: Float[np.ndarray, " U"]  # mean distance between the samples won
 
 
 class Level(NamedTuple):
-    """Samples of one density.
+    """Samples of one density."""
 
-    Attributes:
-        tiles: their places.
-        weights: area every slot stands for; 0 for slots that do not count.
-        spacings: distance between samples around every slot.
-    """
-
-    tiles: Tiles
-    weights: Float[np.ndarray, "T S"]
-    spacings: Float[np.ndarray, "T S"]
+    tiles: Tiles  # their places
+    weights: Float[np.ndarray, "T S"]  # area every slot stands for; 0 for slots that do not count
+    spacings: Float[np.ndarray, "T S"]  # distance between samples around every slot
 
 
 def make_level(tiles: Tiles, density: Density) -> Level:

@@ -32,38 +32,27 @@ from reconstruction._src.networks.surface_fit import fit_surface
 from reconstruction._src.surfaces.edge_flips import flip_edges
 from reconstruction._src.surfaces.unfolding import untangle
 
-_MIN_MAP = 4
-"""A map of fewer units has no surface."""
-_FREE_RINGS = 1
-"""Units within this many rings of a changed one grow again with it."""
-_COVER = 1.25
-"""A sample farther than this many spacings of the held units from all old ones is uncovered."""
+_MIN_MAP = 4  # A map of fewer units has no surface
+_FREE_RINGS = 1  # Units within this many rings of a changed one grow again with it
+_COVER = 1.25  # A sample farther than this many spacings of the held units from all old ones is uncovered
 
 
-_GROWTH = 2.0
-"""Factor on the number of units in one round."""
-_START_SHARE = 0.25
-"""Share of the units that are drawn among the samples, the others grow; at least three."""
+_GROWTH = 2.0  # Factor on the number of units in one round
+_START_SHARE = 0.25  # Share of the units that are drawn among the samples, the others grow; at least three
 _SAMPLES_PER_UNIT = 8
 """Samples of a round, for each unit wanted; settling uses twice as many, topology and the final fit all."""
-_SETTLE_PASSES = 4
-"""Passes of all units through their samples once they are complete."""
+_SETTLE_PASSES = 4  # Passes of all units through their samples once they are complete
 _START_DISTANCE = 1.4
 """In an uneven cloud no unit starts nearer to another than this many sample spacings; with less, scan lines
 get too many units."""
-_START_NEIGHBORS = 8
-"""Nearest units from which a starting unit keeps that distance."""
+_START_NEIGHBORS = 8  # Nearest units from which a starting unit keeps that distance
 _SPLIT_RADIUS = 1.05
 """A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole. Units of a
 hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing."""
-_DENSE_FIT = 40
-"""From this many samples a unit on, the mesh is first fitted to few of them."""
-_COARSE_SAMPLES = 24
-"""Samples a unit of that first fit: creases need iterations, accuracy needs samples."""
-_COARSE_ITERATIONS = 3
-"""Iterations of that first fit."""
-_SURFACE_FIT = FitConfig()
-"""How the mesh is fitted to the samples at the end."""
+_DENSE_FIT = 40  # From this many samples a unit on, the mesh is first fitted to few of them
+_COARSE_SAMPLES = 24  # Samples a unit of that first fit: creases need iterations, accuracy needs samples
+_COARSE_ITERATIONS = 3  # Iterations of that first fit
+_SURFACE_FIT = FitConfig()  # How the mesh is fitted to the samples at the end
 
 
 @dataclass(frozen=True)
@@ -87,29 +76,19 @@ class GSRMConfig:
 
 
 class State(NamedTuple):
-    """A trained map.
+    """A trained map."""
 
-    Attributes:
-        units: reference vectors [m]; each has a face.
-        faces: unit indices: an oriented two-manifold (in paper mode: whatever the rules give).
-    """
-
-    units: Float[np.ndarray, "U 3"]
+    units: Float[np.ndarray, "U 3"]  # reference vectors [m]; each has a face
+    # unit indices: an oriented two-manifold (in paper mode: whatever the rules give)
     faces: Int[np.ndarray, "F 3"]
 
 
 class Old(NamedTuple):
-    """Units of a map that is trained again.
+    """Units of a map that is trained again."""
 
-    Attributes:
-        held: those that stay where they are.
-        freed: those in whose place others grow.
-        faces: those between held units.
-    """
-
-    held: Float[np.ndarray, "H 3"]
-    freed: Float[np.ndarray, "G 3"]
-    faces: Int[np.ndarray, "K 3"]
+    held: Float[np.ndarray, "H 3"]  # those that stay where they are
+    freed: Float[np.ndarray, "G 3"]  # those in whose place others grow
+    faces: Int[np.ndarray, "K 3"]  # those between held units
 
 
 def train(

@@ -17,32 +17,22 @@ from reconstruction._src.base.progress import Progress
 from reconstruction._src.geometry.manifold import make_winding
 from reconstruction._src.networks.gsrm.paper_patching import PaperMesh, patch_mesh
 
-_FAR = 1e9
-"""Where the slots of removed units lie: they win nothing."""
-_SPARE_SLOTS = 64
-"""Slots beyond those for the wanted units; removed units keep theirs."""
+_FAR = 1e9  # Where the slots of removed units lie: they win nothing
+_SPARE_SLOTS = 64  # Slots beyond those for the wanted units; removed units keep theirs
 _MAX_INSERTIONS = 4
 """Insertions for each wanted unit after which growth ends, as units may be removed as fast as they are inserted."""
 
 
 @dataclass(frozen=True)
 class Rates:
-    """The rules' constants, as published.
+    """The rules' constants, as published."""
 
-    Attributes:
-        insertion_period: signals between two new units (lambda).
-        winner_rate: how far the winner moves towards the signal (eps_b).
-        neighbor_rate: how far its neighbors move (eps_n).
-        split_decay: factor on the errors of the two units that a new one comes between (alpha).
-        error_decay: factor on all errors at every signal (beta).
-        max_age: an edge is removed after this many signals of its units that did not confirm it (age_max).
-    """
-
-    insertion_period: int = 200
-    winner_rate: float = 0.05
-    neighbor_rate: float = 0.0006
-    split_decay: float = 0.95
-    error_decay: float = 0.9995
+    insertion_period: int = 200  # signals between two new units (lambda)
+    winner_rate: float = 0.05  # how far the winner moves towards the signal (eps_b)
+    neighbor_rate: float = 0.0006  # how far its neighbors move (eps_n)
+    split_decay: float = 0.95  # factor on the errors of the two units that a new one comes between (alpha)
+    error_decay: float = 0.9995  # factor on all errors at every signal (beta)
+    # an edge is removed after this many signals of its units that did not confirm it (age_max)
     max_age: int = 200
 
 

@@ -90,10 +90,8 @@ class PaperMesh:
         return np.array(list(self.walk_faces()), dtype=np.int64).reshape(-1, 3)
 
 
-MIN_DIHEDRAL = np.deg2rad(45)
-"""Two faces at an edge that enclose less [rad] are incorrect."""
-MAX_ANGLE = np.deg2rad(135)
-"""A face with a larger angle [rad] is incorrect."""
+MIN_DIHEDRAL = np.deg2rad(45)  # Two faces at an edge that enclose less [rad] are incorrect
+MAX_ANGLE = np.deg2rad(135)  # A face with a larger angle [rad] is incorrect
 MERGE_ANGLE = np.deg2rad(162)
 """Two edges that meet at a larger angle [rad] are nearly straight. All three are those of the program."""
 

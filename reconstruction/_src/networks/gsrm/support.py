@@ -22,14 +22,10 @@ covered."""
 FEW_SAMPLES = 10
 """A unit that wins fewer samples may not see all its edges; places between it and its neighbors then count as
 samples where there are samples near them."""
-NUM_NEIGHBORS = 6
-"""Nearest units to which such a unit may be joined; six in a regular map."""
-RIM_NEIGHBORS = 24
-"""Likewise at the boundary (the rim) of a component, between components."""
-MAX_HOLE_EDGES = 24
-"""Longer boundary loops are the boundary of the surface, not holes."""
-MAX_TIP_EDGES = 64
-"""Longer loops are not tested for sharp tips and ridges."""
+NUM_NEIGHBORS = 6  # Nearest units to which such a unit may be joined; six in a regular map
+RIM_NEIGHBORS = 24  # Likewise at the boundary (the rim) of a component, between components
+MAX_HOLE_EDGES = 24  # Longer boundary loops are the boundary of the surface, not holes
+MAX_TIP_EDGES = 64  # Longer loops are not tested for sharp tips and ridges
 RIM_COSINE = -0.5
 """A loop whose area vector lies against the normals next to it by more than this cosine runs around a piece of
 surface and not around a gap in it."""
@@ -37,12 +33,9 @@ MAX_FOLDED = 0.3
 """A patch of which a larger share of the faces is folded back is a second layer of the surface."""
 REVERSED_COST = 10.0
 """Cost of a face that lies against the surface around it; well-shaped faces cost 0.5, slivers 1."""
-MIN_COMPONENT = 6
-"""Components of fewer faces are debris, where another is `debris_ratio` times as large."""
-DEBRIS_RATIO = 50
-"""See `min_component`."""
-MAX_REPAIRS = 6
-"""Rounds in which faces around a hole that cannot be closed are removed to close a larger one."""
+MIN_COMPONENT = 6  # Components of fewer faces are debris, where another is `debris_ratio` times as large
+DEBRIS_RATIO = 50  # See `min_component`
+MAX_REPAIRS = 6  # Rounds in which faces around a hole that cannot be closed are removed to close a larger one
 
 
 _PLACES = (

@@ -30,8 +30,7 @@ from reconstruction._src.networks.gsrm.support import (
     find_sparse,
 )
 
-_EMPTINESS_SLACK = 1e-5
-"""Share of the squared radius by which float32 may misplace a neighbor on the ball."""
+_EMPTINESS_SLACK = 1e-5  # Share of the squared radius by which float32 may misplace a neighbor on the ball
 _FLATNESS = 1e-10
 """A face whose squared area is a smaller share of its squared sides has no circumscribed circle in float64."""
 

@@ -14,58 +14,42 @@ from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 
 _STRIDE = 4
 """Where neighbors lie on one line, every fourth sample is used instead, and so on: the spacing doubles."""
-_MIN_SPACING = 1e-6
-"""Share of the median spacing that samples in one place have, so that none weighs nothing."""
+_MIN_SPACING = 1e-6  # Share of the median spacing that samples in one place have, so that none weighs nothing
 
 
-_NUM_PROBES = 512
-"""Places at which a cloud is tested for evenness."""
-_NEAR = 10
-"""Neighbors in the ball that measures the spacing of an even cloud, and the loneliness of a sample."""
-_WIDE = 32
-"""Likewise in an uneven cloud, where fewer may lie on one scan line."""
+_NUM_PROBES = 512  # Places at which a cloud is tested for evenness
+_NEAR = 10  # Neighbors in the ball that measures the spacing of an even cloud, and the loneliness of a sample
+_WIDE = 32  # Likewise in an uneven cloud, where fewer may lie on one scan line
 _MAX_RATIO = 2.5
 """A cloud is even where the probes' spacings differ by less, 98th over 2nd percentile, and none is larger
 than twice this times the median. Lower, and even clouds are measured sample by sample."""
-_LINE_VARIANCE = 0.08
-"""Below this second variance a neighborhood is one scan line, not a surface."""
-_MAX_LINE_SHARE = 0.05
-"""Share of the neighborhoods that may look like a line by chance."""
+_LINE_VARIANCE = 0.08  # Below this second variance a neighborhood is one scan line, not a surface
+_MAX_LINE_SHARE = 0.05  # Share of the neighborhoods that may look like a line by chance
 _GAP_RATIO = 1.5
 """In an uneven cloud the distance between samples varies with the direction; the largest is this many times
 the mean."""
 _EQUALITY = 0.75
 """Exponent of the area that a sample stands for in its weight: 0 puts the units where the samples are, 1
 evenly on the surface. Sparse samples have noise of their own, so neither."""
-_VOLUME_VARIANCE = 0.05
-"""Above this third variance a sparse neighborhood fills space and is no surface."""
-_LONELINESS = 3.0
-"""An outlier is this many times farther from its neighbors than they are from theirs."""
-_SPARSE_RATIO = 2.5
-"""Sparse is what is this many times farther from its neighbors than nine samples of ten."""
-_PLANE_NEIGHBORS = 16
-"""Neighbors through which the plane is laid that an outlier stands off."""
+_VOLUME_VARIANCE = 0.05  # Above this third variance a sparse neighborhood fills space and is no surface
+_LONELINESS = 3.0  # An outlier is this many times farther from its neighbors than they are from theirs
+_SPARSE_RATIO = 2.5  # Sparse is what is this many times farther from its neighbors than nine samples of ten
+_PLANE_NEIGHBORS = 16  # Neighbors through which the plane is laid that an outlier stands off
 _LOOSE_RATIO = 1.5
 """A neighbor this many times lonelier than the others may be an outlier itself and has no part in the
 plane."""
-_MIN_HEIGHT = 1.5
-"""An outlier stands off the plane by more than this many spacings of its neighbors."""
+_MIN_HEIGHT = 1.5  # An outlier stands off the plane by more than this many spacings of its neighbors
 _HEIGHT_RATIO = 7.4
 """An outlier stands off it by more than this many times their median height, too; of a normal distribution 7.4
 are five standard deviations."""
-_NUM_PASSES = 2
-"""Searches for outliers, each among those left by the one before: outliers hide one another."""
+_NUM_PASSES = 2  # Searches for outliers, each among those left by the one before: outliers hide one another
 
 
 class Density(NamedTuple):
-    """The surroundings of every sample.
+    """The surroundings of every sample."""
 
-    Attributes:
-        spacing: distance between samples, in the direction in which it is larger.
-        weights: what a sample counts, 1 on average: more where samples are sparse; 0 for outliers.
-    """
-
-    spacing: Float[np.ndarray, " N"]
+    spacing: Float[np.ndarray, " N"]  # distance between samples, in the direction in which it is larger
+    # what a sample counts, 1 on average: more where samples are sparse; 0 for outliers
     weights: Float[np.ndarray, " N"]
 
 

@@ -21,35 +21,25 @@ from reconstruction._src.geometry.rows import compute_lengths
 
 _PLACE_BITS = 7
 _PLACE_MASK = (1 << _PLACE_BITS) - 1
-MAX_CANDIDATES = 1 << _PLACE_BITS
-"""Units in a tile's list at most: a place in the list has to fit its bits."""
+MAX_CANDIDATES = 1 << _PLACE_BITS  # Units in a tile's list at most: a place in the list has to fit its bits
 TILE_SIZE = 64
 """Samples in a tile at most: fewer need more lists, more need longer ones; the result does not depend on it."""
 _SLOT_STEP, _SMALL_SLOT_STEP = 4, 16
 """The slots of one of many tiles, and of a single one, are a multiple of these, so that few programs are compiled."""
-_LIST_STEP = 16
-"""Likewise for the length of the lists."""
+_LIST_STEP = 16  # Likewise for the length of the lists
 _TIE = 1e-4
 """Squared distances lose their last seven bits, so that distances agree within less than this share."""
 _FARTHEST = 0x7F7FFFFF  # bit pattern of the largest finite float32
 
 
 class Tiles(NamedTuple):
-    """Samples in groups of neighbors; there are few different shapes, so that few programs are compiled.
+    """Samples in groups of neighbors; there are few different shapes, so that few programs are compiled."""
 
-    Attributes:
-        samples: float32 positions; padded slots repeat other samples.
-        order: int32 index of each slot's sample.
-        is_real: False in padded slots: they must not count.
-        centers: middle of each tile's bounding box.
-        tree: a k-d tree of the samples, each once, in the order they came in.
-    """
-
-    samples: Float[np.ndarray, "T S 3"]
-    order: Int[np.ndarray, "T S"]
-    is_real: Bool[np.ndarray, "T S"]
-    centers: Float[np.ndarray, "T 3"]
-    tree: cKDTree
+    samples: Float[np.ndarray, "T S 3"]  # float32 positions; padded slots repeat other samples
+    order: Int[np.ndarray, "T S"]  # int32 index of each slot's sample
+    is_real: Bool[np.ndarray, "T S"]  # False in padded slots: they must not count
+    centers: Float[np.ndarray, "T 3"]  # middle of each tile's bounding box
+    tree: cKDTree  # a k-d tree of the samples, each once, in the order they came in
 
 
 def make_tiles(samples: Float[np.ndarray, "N 3"], tile_size: int = TILE_SIZE) -> Tiles:

@@ -16,26 +16,17 @@ from reconstruction._src.surfaces.primitives.primitive import (
     Primitive,
 )
 
-_RIGHT = 0.07
-"""Sine of the angle by which two sides may be off a right angle, or a side off its axis."""
-_NEAR = 4.0
-"""Sides are neighbors whose faces come nearer than so many typical edges."""
-_TRIMMED = 1.0
-"""Percentile of corners at which a box ends where no side was found."""
+_RIGHT = 0.07  # Sine of the angle by which two sides may be off a right angle, or a side off its axis
+_NEAR = 4.0  # Sides are neighbors whose faces come nearer than so many typical edges
+_TRIMMED = 1.0  # Percentile of corners at which a box ends where no side was found
 
 
 class Side(NamedTuple):
-    """A plane that was found.
+    """A plane that was found."""
 
-    Attributes:
-        normal: unit normal, into free space.
-        corners: `[F, 3, 3]` of its faces [m].
-        area: of its faces [m²].
-    """
-
-    normal: Float[np.ndarray, " 3"]
-    corners: Float[np.ndarray, "F 3 3"]
-    area: float
+    normal: Float[np.ndarray, " 3"]  # unit normal, into free space
+    corners: Float[np.ndarray, "F 3 3"]  # of its faces [m]
+    area: float  # of its faces [m²]
 
 
 def propose_boxes(sides: list[Side], edge: float) -> list[tuple[Primitive, list[int]]]:
@@ -107,10 +98,8 @@ def _enclose(sides: list[Side], axes: Float[np.ndarray, "3 3"]) -> Primitive:
     return Primitive("box", axes @ ((low + high) / 2), axes, half)
 
 
-_SAMPLES = 2000
-"""Points on a shape at which that is looked at."""
-_BEHIND = 2.0
-"""Tolerances behind the surface from which on a point is hidden."""
+_SAMPLES = 2000  # Points on a shape at which that is looked at
+_BEHIND = 2.0  # Tolerances behind the surface from which on a point is hidden
 
 
 class Surface:

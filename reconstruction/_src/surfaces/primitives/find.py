@@ -36,10 +36,8 @@ from reconstruction._src.surfaces.primitives.primitive import (
 )
 from reconstruction._src.surfaces.primitives.ransac import FoundShape, estimate_noise, find_shapes
 
-_TRIMMED = 0.5
-"""Percentage of corners that may stick out of the rectangle that gives the direction."""
-_MOST_CELLS = 500
-"""Cells of the grid along a side; wider ones are used beyond."""
+_TRIMMED = 0.5  # Percentage of corners that may stick out of the rectangle that gives the direction
+_MOST_CELLS = 500  # Cells of the grid along a side; wider ones are used beyond
 
 
 class GridRectangle(NamedTuple):
@@ -185,22 +183,16 @@ def _split_by_place(
     return [corners[label == k] for k in np.unique(label)]
 
 
-_NOISES = 3.0
-"""Standard deviations of the noise that a vertex is off its shape at most."""
+_NOISES = 3.0  # Standard deviations of the noise that a vertex is off its shape at most
 
 
 class Primitives(NamedTuple):
-    """The primitives of a surface.
+    """The primitives of a surface."""
 
-    Attributes:
-        shapes: boxes, spheres and cylinders first, then rectangles of planes, the largest first.
-        tolerance: how far what they replace may be off them [m].
-        config: how they were found.
-    """
-
+    # boxes, spheres and cylinders first, then rectangles of planes, the largest first
     shapes: list[Primitive]
-    tolerance: float
-    config: PrimitivesConfig
+    tolerance: float  # how far what they replace may be off them [m]
+    config: PrimitivesConfig  # how they were found
 
     def find_rest(self, mesh: trimesh.Trimesh) -> list[Float[np.ndarray, "F 3 3"]]:
         """Return the corners of the triangles that no primitive replaces [m], in parts."""

@@ -12,23 +12,17 @@ from scipy.optimize import least_squares
 
 from reconstruction._src.base.range_checks import check_all_positive
 
-_LEAST_AREA = 1e-10
-"""Cut triangles with less area are left out [m²]."""
+_LEAST_AREA = 1e-10  # Cut triangles with less area are left out [m²]
 
 
 class Primitive(NamedTuple):
-    """A bounded shape.
+    """A bounded shape."""
 
-    Attributes:
-        kind: "plane" (a rectangle, the front of a thin box), "box", "sphere" or "cylinder".
-        center: of the box, sphere or cylinder [m].
-        axes: its axes as columns; z is the normal of a plane's front and the axis of a cylinder.
-        half_sizes: of boxes; radius of spheres; radius and half length of cylinders; else 0 [m].
-    """
-
-    kind: str
-    center: Float[np.ndarray, " 3"]
+    kind: str  # "plane" (a rectangle, the front of a thin box), "box", "sphere" or "cylinder"
+    center: Float[np.ndarray, " 3"]  # of the box, sphere or cylinder [m]
+    # its axes as columns; z is the normal of a plane's front and the axis of a cylinder
     axes: Float[np.ndarray, "3 3"]
+    # of boxes; radius of spheres; radius and half length of cylinders; else 0 [m]
     half_sizes: Float[np.ndarray, " 3"]
 
     @property
@@ -126,12 +120,9 @@ the mean."""
 NORMAL_ANGLE = 0.35
 """Largest angle between a face and its shape [rad]: normals of faces of 3 cm with a noise of 1 mm deviate by
 4 degrees."""
-MIN_PART = 0.003
-"""Share of the surface that a shape has at least; smaller ones stay triangles."""
-MIN_COVERED = 0.3
-"""Share of a closed shape (box, sphere, cylinder) that faces cover, at least."""
-MAX_EXPOSED = 0.02
-"""Share of a closed shape that may stand where the surface says nothing."""
+MIN_PART = 0.003  # Share of the surface that a shape has at least; smaller ones stay triangles
+MIN_COVERED = 0.3  # Share of a closed shape (box, sphere, cylinder) that faces cover, at least
+MAX_EXPOSED = 0.02  # Share of a closed shape that may stand where the surface says nothing
 MAX_OPEN = 0.01
 """Share of a rectangle that neither lies on the surface nor behind it, at most. Rectangles grow to the
 corners of a room and behind things that stand before them, so that little is left for the tree of triangles,
@@ -141,76 +132,52 @@ MIN_RECTANGLE = 0.06
 every beam that looks its way, as much as a level or two of the tree of triangles ..."""
 MIN_RECTANGLE_HOLLOW = 0.02
 """... and where it is hollow, as a room, of which each beam meets more boxes of the tree."""
-HOLLOW = 1.5
-"""A surface is hollow with more area than this, relative to half that of the box around it."""
+HOLLOW = 1.5  # A surface is hollow with more area than this, relative to half that of the box around it
 MIN_COVER = 0.6
 """Share of the surface that rectangles and solids have together, or rectangles are left out: where most beams
 go through the tree all the same, they only cost."""
-MAX_RECTANGLES = 6
-"""Of one plane, the largest first."""
-CELL = 0.01
-"""Resolution at which a plane is divided into rectangles [m]."""
-MARGIN = 0.003
-"""Triangles reach below the rim of a rectangle by this much [m], so that no beam slips through."""
-THICKNESS = 0.004
-"""Of the box behind a rectangle [m], away from free space."""
-REACH = 0.2
-"""The rest of a hollow surface is divided into what is this near to each plane [m] ..."""
-APART = 0.3
-"""... and all others into groups that are this far apart [m], ..."""
-FEWEST = 30
-"""... each of so many triangles at least."""
-CANDIDATES = 200
-"""Drawn in a round, of each kind."""
-SAMPLE = 1500
-"""Faces on which candidates are compared."""
-MISSES = 3
-"""Rounds without a shape after which the search ends."""
-FITS = 4
-"""Rounds of fitting a shape to the faces that it explains."""
+MAX_RECTANGLES = 6  # Of one plane, the largest first
+CELL = 0.01  # Resolution at which a plane is divided into rectangles [m]
+MARGIN = 0.003  # Triangles reach below the rim of a rectangle by this much [m], so that no beam slips through
+THICKNESS = 0.004  # Of the box behind a rectangle [m], away from free space
+REACH = 0.2  # The rest of a hollow surface is divided into what is this near to each plane [m] ..
+APART = 0.3  # ... and all others into groups that are this far apart [m], ...
+FEWEST = 30  # ... each of so many triangles at least.
+CANDIDATES = 200  # Drawn in a round, of each kind
+SAMPLE = 1500  # Faces on which candidates are compared
+MISSES = 3  # Rounds without a shape after which the search ends
+FITS = 4  # Rounds of fitting a shape to the faces that it explains
 
 
 @dataclass(frozen=True)
 class PrimitivesConfig:
     """Which shapes replace triangles.
 
-    Attributes:
-        tolerance: largest distance of a replaced vertex from its shape [m]; None: three times the noise of the
-            surface, within `tolerance_limits`. Less leaves holes in planes, which rectangles must go around.
-        min_area: of the faces of a shape [m²]; smaller ones stay triangles ...
-        max_radius: of spheres and cylinders [m]; larger ones are hardly told from planes.
-
     Raises:
     """
 
+    # largest distance of a replaced vertex from its shape [m]; None: three times the noise of the surface,
+    # within `tolerance_limits`. Less leaves holes in planes, which rectangles must go around.
     tolerance: float | None = None
-    min_area: float = 0.03
-    max_radius: float = 1.0
+    min_area: float = 0.03  # of the faces of a shape [m²]; smaller ones stay triangles ..
+    max_radius: float = 1.0  # of spheres and cylinders [m]; larger ones are hardly told from planes
 
     def __post_init__(self) -> None:
         check_all_positive(self)
 
 
 KINDS = ("plane", "sphere", "cylinder")
-_LEAST = 1e-9
-"""Divided by instead of 0."""
+_LEAST = 1e-9  # Divided by instead of 0
 
 
 class Shapes(NamedTuple):
-    """Several infinite shapes of one kind.
+    """Several infinite shapes of one kind."""
 
-    Attributes:
-        kind: one of `KINDS`.
-        point: `[C, 3]` a point of the plane, the center, a point of the axis [m].
-        axis: `[C, 3]` unit normal of the plane, axis of the cylinder; unused by spheres.
-        radius: `[C]` of sphere or cylinder [m]; unused by planes.
-        side: `[C]` 1 where the surface looks outwards, away from center or axis, -1 inwards; 1 for planes.
-    """
-
-    kind: str
-    point: Float[np.ndarray, "C 3"]
-    axis: Float[np.ndarray, "C 3"]
-    radius: Float[np.ndarray, " C"]
+    kind: str  # one of `KINDS`
+    point: Float[np.ndarray, "C 3"]  # a point of the plane, the center, a point of the axis [m]
+    axis: Float[np.ndarray, "C 3"]  # unit normal of the plane, axis of the cylinder; unused by spheres
+    radius: Float[np.ndarray, " C"]  # of sphere or cylinder [m]; unused by planes
+    # 1 where the surface looks outwards, away from center or axis, -1 inwards; 1 for planes
     side: Float[np.ndarray, " C"]
 
     def pick(self, index: int) -> Shapes:

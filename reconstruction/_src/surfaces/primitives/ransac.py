@@ -30,29 +30,20 @@ _NEIGHBORS = (6, 24, 96, 384)
 """The second point of a minimal set is one of this many nearest ones: levels of locality."""
 _SMOOTHING = 3
 """Rounds in which the normal of a face becomes the mean of its and its neighbors': noise tilts a single face."""
-_EDGE = 0.7
-"""Cosine of the angle from which on two faces meet at an edge, across which nothing is smoothed."""
+_EDGE = 0.7  # Cosine of the angle from which on two faces meet at an edge, across which nothing is smoothed
 _LEAST = 1e-12
-_FINALISTS = 6
-"""Candidates that are measured on all faces."""
-_WIDE = 3.0
-"""Tolerances within which faces count for a candidate, which two points define."""
+_FINALISTS = 6  # Candidates that are measured on all faces
+_WIDE = 3.0  # Tolerances within which faces count for a candidate, which two points define
 _CURVED_GAIN = 1.1
 """A sphere or cylinder explains this many times the area of the best plane; else it is a plane."""
 
 
 class FoundShape(NamedTuple):
-    """A shape, with what it explains.
+    """A shape, with what it explains."""
 
-    Attributes:
-        shape: one infinite shape.
-        faces: the connected faces that lie on it.
-        area: of the faces [m²].
-    """
-
-    shape: Shapes
-    faces: Int[np.ndarray, " F"]
-    area: float
+    shape: Shapes  # one infinite shape
+    faces: Int[np.ndarray, " F"]  # the connected faces that lie on it
+    area: float  # of the faces [m²]
 
 
 class _Faces(NamedTuple):

@@ -30,15 +30,10 @@ _MOST_CUTS = 6
 
 
 class LimitedSolid(NamedTuple):
-    """Solids in place of one.
+    """Solids in place of one."""
 
-    Attributes:
-        parts: convex solids, all within the limit.
-        deviation: how far the solid sticks out of them, at most [m].
-    """
-
-    parts: list[trimesh.Trimesh]
-    deviation: float
+    parts: list[trimesh.Trimesh]  # convex solids, all within the limit
+    deviation: float  # how far the solid sticks out of them, at most [m]
 
 
 def limit_vertices(solid: trimesh.Trimesh, most: int) -> LimitedSolid:
@@ -103,62 +98,37 @@ def _halve(hull: trimesh.Trimesh) -> tuple[Float[np.ndarray, "A 3"], Float[np.nd
 
 _HEIGHT_SPACING = 0.02
 """Spacing of the grid of heights [m]: about that of a scan indoors; half of it takes four times the memory."""
-_MOST_HEIGHTS = 400_000
-"""Cells of that grid; it is wider where it would have more."""
+_MOST_HEIGHTS = 400_000  # Cells of that grid; it is wider where it would have more
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A convex solid for contact.
+    """A convex solid for contact."""
 
-    Attributes:
-        name: unique, a valid name in all formats.
-        mesh: its corners and triangles.
-        box: the box that it is, where it is one: engines collide boxes faster.
-        friction: sliding friction of the patch that it lies in; None outside of all.
-    """
-
-    name: str
-    mesh: trimesh.Trimesh
-    box: Box | None
-    friction: float | None = None
+    name: str  # unique, a valid name in all formats
+    mesh: trimesh.Trimesh  # its corners and triangles
+    box: Box | None  # the box that it is, where it is one: engines collide boxes faster
+    friction: float | None = None  # sliding friction of the patch that it lies in; None outside of all
 
 
 @dataclass(frozen=True)
 class Content:
-    """An arena as the writers of the formats see it.
+    """An arena as the writers of the formats see it."""
 
-    Attributes:
-        name: name of the arena.
-        solids: convex solids, for contact.
-        surface: the exact surface, for rays and pictures.
-        height_field: in place of solids, for the kind "hfield".
-        friction: sliding friction of the ground.
-        offset: what was subtracted from the coordinates of the scan [m].
-        max_vertices: the limit of the vertices of a solid; None without.
-        deviation: how far an original piece sticks out of the solids, at most [m].
-        num_pieces: contact pieces of the arena, before any was cut.
-        quality: accuracy of the contact geometry, as `ArenaQuality.as_dict` returned it.
-        provenance: what the arena was made of.
-        friction_map: patches with another friction; None for one friction for all.
-        texture: colors of the surface; None where they are unknown.
-        objects: known objects in it.
-    """
-
-    name: str
-    solids: list[Solid]
-    surface: trimesh.Trimesh
-    height_field: HeightField | None
-    friction: float
-    offset: tuple[float, float, float]
-    max_vertices: int | None
-    deviation: float
-    num_pieces: int
-    quality: dict[str, Any]
-    provenance: dict[str, Any]
-    friction_map: FrictionMap | None = None
-    texture: SurfaceTexture | None = None
-    objects: tuple[PlacedObject, ...] = ()
+    name: str  # name of the arena
+    solids: list[Solid]  # convex solids, for contact
+    surface: trimesh.Trimesh  # the exact surface, for rays and pictures
+    height_field: HeightField | None  # in place of solids, for the kind "hfield"
+    friction: float  # sliding friction of the ground
+    offset: tuple[float, float, float]  # what was subtracted from the coordinates of the scan [m]
+    max_vertices: int | None  # the limit of the vertices of a solid; None without
+    deviation: float  # how far an original piece sticks out of the solids, at most [m]
+    num_pieces: int  # contact pieces of the arena, before any was cut
+    quality: dict[str, Any]  # accuracy of the contact geometry, as `ArenaQuality.as_dict` returned it
+    provenance: dict[str, Any]  # what the arena was made of
+    friction_map: FrictionMap | None = None  # patches with another friction; None for one friction for all
+    texture: SurfaceTexture | None = None  # colors of the surface; None where they are unknown
+    objects: tuple[PlacedObject, ...] = ()  # known objects in it
 
 
 def make_content(

@@ -28,12 +28,9 @@ from symbrion_gym._src.arenas.spec import (
 from symbrion_gym._src.arenas.texture import TEXTURE_FILE, to_png
 from symbrion_gym._src.contact.kinds import HeightField
 
-BODY = "arena"
-"""Name of the body that holds all geoms."""
-_DIGITS = 6
-"""Coordinates to 1 µm, as in a saved arena."""
-_UV_DIGITS = 12
-"""Of places in a texture: fractions of powers of two."""
+BODY = "arena"  # Name of the body that holds all geoms
+_DIGITS = 6  # Coordinates to 1 µm, as in a saved arena
+_UV_DIGITS = 12  # Of places in a texture: fractions of powers of two
 
 
 def format_mjcf(content: Content) -> dict[str, bytes]:

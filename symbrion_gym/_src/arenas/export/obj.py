@@ -9,8 +9,7 @@ from symbrion_gym._src.arenas.export.content import Content
 from symbrion_gym._src.arenas.surface_file import format_surface
 from symbrion_gym._src.arenas.texture import TEXTURE_FILE, to_png
 
-_DIGITS = 6
-"""Coordinates to 1 µm, as in a saved arena."""
+_DIGITS = 6  # Coordinates to 1 µm, as in a saved arena
 
 
 def format_obj(content: Content) -> dict[str, bytes]:

@@ -16,8 +16,7 @@ from symbrion_gym._src.arenas.export.content import Content
 from symbrion_gym._src.arenas.export.obj import format_colored, format_mesh
 from symbrion_gym._src.errors import ArenaError
 
-_GIMBAL_LOCK = 1e-6
-"""Cosine of the pitch below which roll and yaw are about one axis."""
+_GIMBAL_LOCK = 1e-6  # Cosine of the pitch below which roll and yaw are about one axis
 
 
 def format_urdf(content: Content) -> dict[str, bytes]:

@@ -15,8 +15,7 @@ from reconstruction._src.surfaces.color import WHITE, find_vertex_colors
 from symbrion_gym._src.arenas.export.content import Content, Solid
 from symbrion_gym._src.arenas.spec import SURFACE_COLOR
 
-ROOT = "/arena"
-"""Path of the default prim, which holds everything."""
+ROOT = "/arena"  # Path of the default prim, which holds everything
 
 
 def format_usd(content: Content) -> dict[str, bytes]:

@@ -37,8 +37,7 @@ from symbrion_gym._src.contact.simplification import (
 )
 from symbrion_gym._src.contact.solid import compute_thickness, find_inner_points
 
-_THICK = 1e-8
-"""A solid with an area times depth of more has a volume in single precision, too [m³]."""
+_THICK = 1e-8  # A solid with an area times depth of more has a volume in single precision, too [m³]
 
 
 def fit_flat_patches(problem: ContactProblem, best: Contact | None) -> Contact | None:

@@ -20,14 +20,10 @@ logger = logging.getLogger(__name__)
 
 VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
 """Fields of the model of which every world has its own."""
-_INPUTS = ("qpos", "qvel", "ctrl")
-"""Fields that are written to the device; all others are only read."""
-_ROWS_PER_CONTACT = 4
-"""Rows of constraints of a contact with pyramidal cones; elliptic ones need three."""
-_FLOAT_SIZE = 4
-"""Of a number on the device [bytes]."""
-_MIN_CONTACTS = 32
-"""Space for contacts of a world, however small the body."""
+_INPUTS = ("qpos", "qvel", "ctrl")  # Fields that are written to the device; all others are only read
+_ROWS_PER_CONTACT = 4  # Rows of constraints of a contact with pyramidal cones; elliptic ones need three
+_FLOAT_SIZE = 4  # Of a number on the device [bytes]
+_MIN_CONTACTS = 32  # Space for contacts of a world, however small the body
 
 
 class WarpBatch:
@@ -269,8 +265,7 @@ class WarpBatch:
         return data
 
 
-_TURN = 4
-"""Entry of a geom's surface velocity that drives: its rate about the lateral axis."""
+_TURN = 4  # Entry of a geom's surface velocity that drives: its rate about the lateral axis
 
 
 def list_columns(world: World) -> dict[str, Int[np.ndarray, " C"]]:

@@ -12,8 +12,7 @@ from symbrion_gym._src.errors import OptionError
 if TYPE_CHECKING:
     from symbrion_gym._src.environment.warp.device.vector_env import DeviceVectorEnv
 
-ENGINES = ("mujoco", "warp")
-"""Engines that step the simulations of a vector environment."""
+ENGINES = ("mujoco", "warp")  # Engines that step the simulations of a vector environment
 ARRAYS = ("numpy", "jax", "torch")
 """What environments take and return; only "warp" knows others than the first."""
 

@@ -39,24 +39,18 @@ class HearingConfig:
 
     `bias` and `bias_time` were fitted to half of the docking trials of real robots
     (`evolution._src.experiments.swarm.docking_trials`); the rest are estimates.
-
-    Attributes:
-        light: of infrared units; a dock is heard where it is bright enough for messages.
-        bearing_noise: standard deviation of the direction to a sender [rad].
-        departure_noise: of the direction from the sender's dock [rad].
-        bias: of slowly changing errors of both directions, as of light that the ground and bodies reflect [rad].
-        bias_time: in which these are forgotten [s].
-        distance_noise: of the distance, as a share of it: strength falls with the square of the distance.
-        loss: share of the broadcasts that are lost in a decision.
     """
 
+    # of infrared units; a dock is heard where it is bright enough for messages
     light: SignalConfig = field(default_factory=SignalConfig)
-    bearing_noise: float = 0.05
-    departure_noise: float = 0.10
+    bearing_noise: float = 0.05  # standard deviation of the direction to a sender [rad]
+    departure_noise: float = 0.10  # of the direction from the sender's dock [rad]
+    # of slowly changing errors of both directions, as of light that the ground and bodies reflect [rad]
     bias: float = 0.17
-    bias_time: float = 60.0
+    bias_time: float = 60.0  # in which these are forgotten [s]
+    # of the distance, as a share of it: strength falls with the square of the distance
     distance_noise: float = 0.05
-    loss: float = 0.05
+    loss: float = 0.05  # share of the broadcasts that are lost in a decision
 
     def __post_init__(self) -> None:
         check_positive(self, ("bias_time",), OptionError)
@@ -65,31 +59,20 @@ class HearingConfig:
 
 
 class Geometry(NamedTuple):
-    """Docks that robots can hear, one row for each that reaches a robot.
+    """Docks that robots can hear, one row for each that reaches a robot."""
 
-    Attributes:
-        receiver: robot.
-        sender: robot.
-        side: dock of the sender, its place in `SIDES`.
-        distance: from the receiver's nearest dock to the sender's [m].
-        bearing: in the frame of the receiver [rad].
-        departure: from the axis of the sender's dock [rad].
-    """
-
-    receiver: Int[np.ndarray, " L"]
-    sender: Int[np.ndarray, " L"]
-    side: Int[np.ndarray, " L"]
-    distance: Float[np.ndarray, " L"]
-    bearing: Float[np.ndarray, " L"]
-    departure: Float[np.ndarray, " L"]
+    receiver: Int[np.ndarray, " L"]  # robot
+    sender: Int[np.ndarray, " L"]  # robot
+    side: Int[np.ndarray, " L"]  # dock of the sender, its place in `SIDES`
+    distance: Float[np.ndarray, " L"]  # from the receiver's nearest dock to the sender's [m]
+    bearing: Float[np.ndarray, " L"]  # in the frame of the receiver [rad]
+    departure: Float[np.ndarray, " L"]  # from the axis of the sender's dock [rad]
 
 
-_NEAREST = 0.01
-"""Smaller distances count as this one [m]."""
+_NEAREST = 0.01  # Smaller distances count as this one [m]
 _BODY = 0.045
 """Half of the width that a body shades [m]: less than half of its edge, as light passes its round corners."""
-_TALL = 0.08
-"""Bodies shade what passes less than this above or below their centers [m]."""
+_TALL = 0.08  # Bodies shade what passes less than this above or below their centers [m]
 _SIDE_ANGLES = np.array([ScoutConfig().compute_dock(side)[2] for side in SIDES])
 
 

@@ -40,19 +40,15 @@ from symbrion_gym._src.swarm.behavior.transitions import Situation
 from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights
 from symbrion_gym._src.swarm.world import DECISION, SwarmCommands, SwarmWorld
 
-FOLDED = np.pi / 2
-"""Angle of an arm that nothing is docked to [rad]."""
+FOLDED = np.pi / 2  # Angle of an arm that nothing is docked to [rad]
 ASKING = 0.3
 """Chance that a robot that waits asks in a decision: two that ask at once are not understood. One that was accepted
 goes on asking, as a sign that it comes."""
 SILENCE = 15.0
 """An organism that has not heard of the robot that it has accepted for so long accepts another [s]."""
-NEARER = 0.03
-"""A robot that locates a beacon has come nearer where its distance is less by this [m]."""
-_ALONE = 4.0
-"""A robot that met something follows no calls for this many times its `avoid_time`."""
-_PAUSE = 10.0
-"""One that gives up explores for so long [s]."""
+NEARER = 0.03  # A robot that locates a beacon has come nearer where its distance is less by this [m]
+_ALONE = 4.0  # A robot that met something follows no calls for this many times its `avoid_time`
+_PAUSE = 10.0  # One that gives up explores for so long [s]
 _ORGANIC = (Mode.RECRUIT, Mode.IN_ORGANISM, Mode.LOCK)
 """Modes of robots that belong to an organism, or found one."""
 _STRAIGHT = (Mode.ALIGN, Mode.DOCK)
@@ -60,19 +56,12 @@ _DOCKING = (Mode.LOCATE_BEACON, Mode.ALIGN, Mode.DOCK, Mode.RECOVER)
 
 
 class Decision(NamedTuple):
-    """What a swarm does next.
+    """What a swarm does next."""
 
-    Attributes:
-        commands: for the world.
-        words: what docks broadcast.
-        wire: what each robot tells its neighbors: the same at every dock.
-        memory: for the next decision.
-    """
-
-    commands: SwarmCommands
-    words: Words
-    wire: Wired
-    memory: Memory
+    commands: SwarmCommands  # for the world
+    words: Words  # what docks broadcast
+    wire: Wired  # what each robot tells its neighbors: the same at every dock
+    memory: Memory  # for the next decision
 
 
 class Machine:
@@ -278,23 +267,14 @@ class Machine:
 
 
 class Track(NamedTuple):
-    """Where robots were and what they did, decision by decision.
+    """Where robots were and what they did, decision by decision."""
 
-    Attributes:
-        time: since the beginning [s].
-        position: of the robots [m].
-        rotation: of their chassis.
-        hinge: angles of their hinges [rad].
-        mode: what they did, values of `Mode`.
-        num_links: latched docks.
-    """
-
-    time: Float[np.ndarray, " T"]
-    position: Float[np.ndarray, "T N 3"]
-    rotation: Float[np.ndarray, "T N 3 3"]
-    hinge: Float[np.ndarray, "T N"]
-    mode: Int[np.ndarray, "T N"]
-    num_links: Int[np.ndarray, " T"]
+    time: Float[np.ndarray, " T"]  # since the beginning [s]
+    position: Float[np.ndarray, "T N 3"]  # of the robots [m]
+    rotation: Float[np.ndarray, "T N 3 3"]  # of their chassis
+    hinge: Float[np.ndarray, "T N"]  # angles of their hinges [rad]
+    mode: Int[np.ndarray, "T N"]  # what they did, values of `Mode`
+    num_links: Int[np.ndarray, " T"]  # latched docks
 
     @classmethod
     def join(cls, *tracks: Track) -> Track:

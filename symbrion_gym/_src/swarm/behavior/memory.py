@@ -39,61 +39,36 @@ class Mode(IntEnum):
 
 
 class Memory(NamedTuple):
-    """The memory of N robots.
+    """The memory of N robots."""
 
-    Attributes:
-        mode: values of `Mode`.
-        since: time in the mode [s].
-        role: place in the plan; NOBODY without one.
-        leader: number of the seed of the organism.
-        roles: bits of the places that are known to be taken.
-        ticket: whom the organism accepts, of `make_ticket`.
-        goes: what the organism was told: to stay, to part and go on, or to dissolve (`STAY`, `PART`, `DISSOLVE`).
-        accepted_since: how long the present robot has been accepted [s].
-        turn: to which side a robot turns away, 1 left or -1 right.
-        avoiding: time that it goes on turning [s].
-        silent: time since it heard of an organism [s].
-        unseen: time since it heard a beacon [s].
-        alone: time for which it does not follow calls, after it met something [s].
-        heard_role: place that the beacon wants that it heads for.
-        heard_leader: seed of its organism.
-        mark: distance that its tracks had run at a mark [m].
-        has_climbed: whether it has been on a slope since it began to retreat.
-        recoveries: how often it has recovered.
-        growth: time since its organism has grown [s].
-        dock: pose of the beacon as it was last heard and since carried on by odometry: ahead [m], left [m], axis [rad].
-        ran: odometry at the last decision [m].
-        nearest: least distance to the beacon since the robot began to locate it [m].
-        stalled: time for which it has come no nearer [s].
-        asking: time for which it has asked, and nobody was accepted [s].
-        unanswered: time since the organism heard of the robot that it has accepted [s].
-    """
-
-    mode: Int[np.ndarray, " N"]
-    since: Float[np.ndarray, " N"]
-    role: Int[np.ndarray, " N"]
-    leader: Int[np.ndarray, " N"]
-    roles: Int[np.ndarray, " N"]
-    ticket: Int[np.ndarray, " N"]
+    mode: Int[np.ndarray, " N"]  # values of `Mode`
+    since: Float[np.ndarray, " N"]  # time in the mode [s]
+    role: Int[np.ndarray, " N"]  # place in the plan; NOBODY without one
+    leader: Int[np.ndarray, " N"]  # number of the seed of the organism
+    roles: Int[np.ndarray, " N"]  # bits of the places that are known to be taken
+    ticket: Int[np.ndarray, " N"]  # whom the organism accepts, of `make_ticket`
+    # what the organism was told: to stay, to part and go on, or to dissolve (`STAY`, `PART`, `DISSOLVE`)
     goes: Int[np.ndarray, " N"]
-    accepted_since: Float[np.ndarray, " N"]
-    turn: Float[np.ndarray, " N"]
-    avoiding: Float[np.ndarray, " N"]
-    silent: Float[np.ndarray, " N"]
-    unseen: Float[np.ndarray, " N"]
-    alone: Float[np.ndarray, " N"]
-    heard_role: Int[np.ndarray, " N"]
-    heard_leader: Int[np.ndarray, " N"]
-    mark: Float[np.ndarray, " N"]
-    has_climbed: Bool[np.ndarray, " N"]
-    recoveries: Int[np.ndarray, " N"]
-    growth: Float[np.ndarray, " N"]
+    accepted_since: Float[np.ndarray, " N"]  # how long the present robot has been accepted [s]
+    turn: Float[np.ndarray, " N"]  # to which side a robot turns away, 1 left or -1 right
+    avoiding: Float[np.ndarray, " N"]  # time that it goes on turning [s]
+    silent: Float[np.ndarray, " N"]  # time since it heard of an organism [s]
+    unseen: Float[np.ndarray, " N"]  # time since it heard a beacon [s]
+    alone: Float[np.ndarray, " N"]  # time for which it does not follow calls, after it met something [s]
+    heard_role: Int[np.ndarray, " N"]  # place that the beacon wants that it heads for
+    heard_leader: Int[np.ndarray, " N"]  # seed of its organism
+    mark: Float[np.ndarray, " N"]  # distance that its tracks had run at a mark [m]
+    has_climbed: Bool[np.ndarray, " N"]  # whether it has been on a slope since it began to retreat
+    recoveries: Int[np.ndarray, " N"]  # how often it has recovered
+    growth: Float[np.ndarray, " N"]  # time since its organism has grown [s]
+    # pose of the beacon as it was last heard and since carried on by odometry: ahead [m], left [m], axis
+    # [rad]
     dock: Float[np.ndarray, "N 3"]
-    ran: Float[np.ndarray, "N 2"]
-    nearest: Float[np.ndarray, " N"]
-    stalled: Float[np.ndarray, " N"]
-    asking: Float[np.ndarray, " N"]
-    unanswered: Float[np.ndarray, " N"]
+    ran: Float[np.ndarray, "N 2"]  # odometry at the last decision [m]
+    nearest: Float[np.ndarray, " N"]  # least distance to the beacon since the robot began to locate it [m]
+    stalled: Float[np.ndarray, " N"]  # time for which it has come no nearer [s]
+    asking: Float[np.ndarray, " N"]  # time for which it has asked, and nobody was accepted [s]
+    unanswered: Float[np.ndarray, " N"]  # time since the organism heard of the robot that it has accepted [s]
 
     @classmethod
     def begin(cls, num_robots: int) -> Memory:
@@ -152,24 +127,18 @@ def read_ticket(ticket: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " N"], I
 
 STAY, PART, DISSOLVE = range(3)
 """What an organism is told: nothing, to part after its task, to part as the attempt has failed."""
-_TICKET = 4096
-"""More than there are robots in a swarm."""
+_TICKET = 4096  # More than there are robots in a swarm
 
 
-MOST_ROLES = 60
-"""Places of a plan: robots keep a bit for each."""
+MOST_ROLES = 60  # Places of a plan: robots keep a bit for each
 
 
 class Plan(NamedTuple):
-    """Which place of an organism wants which other at each of its docks.
+    """Which place of an organism wants which other at each of its docks."""
 
-    Attributes:
-        wanted: place that is to dock at each dock of a place, in the order of `SIDES`; NOBODY for none.
-        everyone: bits of all places.
-    """
-
+    # place that is to dock at each dock of a place, in the order of `SIDES`; NOBODY for none
     wanted: Int[np.ndarray, "n 4"]
-    everyone: int
+    everyone: int  # bits of all places
 
     @property
     def num_roles(self) -> int:

@@ -24,22 +24,15 @@ from symbrion_gym._src.swarm.behavior.transitions import (
     is_blocked_behind,
 )
 
-Tracks = Float[np.ndarray, "N 2"]
-"""Speeds of the left and the right track of every robot [m/s]."""
+Tracks = Float[np.ndarray, "N 2"]  # Speeds of the left and the right track of every robot [m/s]
 KEEP_CLEAR = 1.2
 """A robot that waits for another to dock leaves the way to the beacon, up to this distance [m] ..."""
-WAY = 0.7
-"""... and within this angle from its axis [rad]."""
-APART = 0.45
-"""And it stays so far from the beacon on all sides [m]."""
-IN_VAIN = 5.0
-"""A robot that asks for so long while nobody is accepted is not heard, and draws nearer [s] ..."""
-HEARD_WELL = 0.40
-"""... up to this distance [m]."""
-STALL_TURN = 0.4
-"""Rate of turning of one that backs off as it came no nearer to its beacon [rad/s]."""
-CLOSE = 0.06
-"""A robot that leaves stops for what is nearer ahead than this [m]."""
+WAY = 0.7  # ... and within this angle from its axis [rad].
+APART = 0.45  # And it stays so far from the beacon on all sides [m]
+IN_VAIN = 5.0  # A robot that asks for so long while nobody is accepted is not heard, and draws nearer [s] ..
+HEARD_WELL = 0.40  # ... up to this distance [m].
+STALL_TURN = 0.4  # Rate of turning of one that backs off as it came no nearer to its beacon [rad/s]
+CLOSE = 0.06  # A robot that leaves stops for what is nearer ahead than this [m]
 
 
 def explore(here: Situation) -> Tracks:

@@ -12,30 +12,19 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 FRONT, BACK, LEFT, RIGHT = range(len(SIDES))
-NOBODY = -1
-"""In place of the number of a robot, or of a place in the plan."""
+NOBODY = -1  # In place of the number of a robot, or of a place in the plan
 
 
 class Words(NamedTuple):
-    """What the docks of N robots broadcast over infrared, in the order of `SIDES`.
+    """What the docks of N robots broadcast over infrared, in the order of `SIDES`."""
 
-    Attributes:
-        is_beacon: whether a dock guides: it is free, and wants a robot there.
-        is_guide: whether it calls robots to its organism, which wants them elsewhere.
-        role: place in the plan that the robot shall take; NOBODY where a dock is silent.
-        accepts: number of the robot that may come; NOBODY for any that asks.
-        leader: number of the seed of the organism; NOBODY of robots on their own.
-        asker: number of a robot that asks to be accepted; NOBODY where none does.
-        size: robots that the organism has.
-    """
-
-    is_beacon: Bool[np.ndarray, "N 4"]
-    is_guide: Bool[np.ndarray, "N 4"]
-    role: Int[np.ndarray, "N 4"]
-    accepts: Int[np.ndarray, "N 4"]
-    leader: Int[np.ndarray, "N 4"]
-    asker: Int[np.ndarray, "N 4"]
-    size: Int[np.ndarray, "N 4"]
+    is_beacon: Bool[np.ndarray, "N 4"]  # whether a dock guides: it is free, and wants a robot there
+    is_guide: Bool[np.ndarray, "N 4"]  # whether it calls robots to its organism, which wants them elsewhere
+    role: Int[np.ndarray, "N 4"]  # place in the plan that the robot shall take; NOBODY where a dock is silent
+    accepts: Int[np.ndarray, "N 4"]  # number of the robot that may come; NOBODY for any that asks
+    leader: Int[np.ndarray, "N 4"]  # number of the seed of the organism; NOBODY of robots on their own
+    asker: Int[np.ndarray, "N 4"]  # number of a robot that asks to be accepted; NOBODY where none does
+    size: Int[np.ndarray, "N 4"]  # robots that the organism has
 
     @classmethod
     def make_silent(cls, num_robots: int) -> Words:
@@ -46,23 +35,16 @@ class Words(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """The nearest broadcast of one kind that each of N robots receives.
+    """The nearest broadcast of one kind that each of N robots receives."""
 
-    Attributes:
-        is_heard: whether there is one.
-        distance: from the receiver's dock to the sender's, estimated from the strength [m].
-        bearing: direction to the sender in the frame of the receiver [rad].
-        departure: direction from the sender's dock to the receiver, against the axis of that dock [rad].
-        sender_side: dock that sends, its place in `SIDES`.
-        role: likewise `accepts`, `leader`, `asker`, `size`, as in `Words`.
-    """
-
-    is_heard: Bool[np.ndarray, " N"]
+    is_heard: Bool[np.ndarray, " N"]  # whether there is one
+    # from the receiver's dock to the sender's, estimated from the strength [m]
     distance: Float[np.ndarray, " N"]
-    bearing: Float[np.ndarray, " N"]
+    bearing: Float[np.ndarray, " N"]  # direction to the sender in the frame of the receiver [rad]
+    # direction from the sender's dock to the receiver, against the axis of that dock [rad]
     departure: Float[np.ndarray, " N"]
-    sender_side: Int[np.ndarray, " N"]
-    role: Int[np.ndarray, " N"]
+    sender_side: Int[np.ndarray, " N"]  # dock that sends, its place in `SIDES`
+    role: Int[np.ndarray, " N"]  # likewise `accepts`, `leader`, `asker`, `size`, as in `Words`
     accepts: Int[np.ndarray, " N"]
     leader: Int[np.ndarray, " N"]
     asker: Int[np.ndarray, " N"]
@@ -77,44 +59,26 @@ class Heard(NamedTuple):
 
 
 class Wired(NamedTuple):
-    """What neighbors in an organism tell each other over the wire of a dock; all 0 where nothing is docked.
+    """What neighbors in an organism tell each other over the wire of a dock; all 0 where nothing is docked."""
 
-    Attributes:
-        roles: bit k is set where a robot is known to have place k of the plan.
-        ticket: whom the organism accepts: its last word wins, as it counts up.
-        leader: number of the seed, plus 1.
-        goes: what the organism is told, of `memory`.
-    """
-
-    roles: Int[np.ndarray, "N 4"]
-    ticket: Int[np.ndarray, "N 4"]
-    leader: Int[np.ndarray, "N 4"]
-    goes: Int[np.ndarray, "N 4"]
+    roles: Int[np.ndarray, "N 4"]  # bit k is set where a robot is known to have place k of the plan
+    ticket: Int[np.ndarray, "N 4"]  # whom the organism accepts: its last word wins, as it counts up
+    leader: Int[np.ndarray, "N 4"]  # number of the seed, plus 1
+    goes: Int[np.ndarray, "N 4"]  # what the organism is told, of `memory`
 
 
 class Percepts(NamedTuple):
-    """What N robots sense at one decision.
+    """What N robots sense at one decision."""
 
-    Attributes:
-        proximity: distances of the two infrared units of each side [m]; the range where nothing is near.
-        drop: how far the ground ahead lies below that under the robot [m]; infinity where there is none.
-        pitch: nose up is positive [rad].
-        roll: left side up is positive [rad].
-        odometry: distance that each track has run [m].
-        docked: whether each dock holds another.
-        beacon: the nearest dock that wants this robot or any.
-        guide: the nearest call of an organism from another dock.
-        asker: the nearest robot that asks this one.
-        wired: words of the neighbors.
-    """
-
+    # distances of the two infrared units of each side [m]; the range where nothing is near
     proximity: Float[np.ndarray, "N 8"]
+    # how far the ground ahead lies below that under the robot [m]; infinity where there is none
     drop: Float[np.ndarray, " N"]
-    pitch: Float[np.ndarray, " N"]
-    roll: Float[np.ndarray, " N"]
-    odometry: Float[np.ndarray, "N 2"]
-    docked: Bool[np.ndarray, "N 4"]
-    beacon: Heard
-    guide: Heard
-    asker: Heard
-    wired: Wired
+    pitch: Float[np.ndarray, " N"]  # nose up is positive [rad]
+    roll: Float[np.ndarray, " N"]  # left side up is positive [rad]
+    odometry: Float[np.ndarray, "N 2"]  # distance that each track has run [m]
+    docked: Bool[np.ndarray, "N 4"]  # whether each dock holds another
+    beacon: Heard  # the nearest dock that wants this robot or any
+    guide: Heard  # the nearest call of an organism from another dock
+    asker: Heard  # the nearest robot that asks this one
+    wired: Wired  # words of the neighbors

@@ -12,16 +12,11 @@ from symbrion_gym._src.swarm.behavior.percepts import BACK, FRONT, LEFT, RIGHT, 
 
 SIDE_ANGLES = np.array([ScoutConfig().compute_dock(side)[2] for side in SIDES])
 """Directions of the docks in the frame of a robot [rad], in the order of `SIDES`."""
-HALF_GAUGE = 0.0458
-"""Half the distance of the tracks [m] (S: the authors' simulator)."""
-SLIP = 1.54
-"""Ideal rate of turning over the real one of a lone Scout on the spot (docs/physics.md)."""
-_FACING = pi / 3
-"""A robot drives ahead only if it faces its goal to within this angle [rad]."""
-_BEHIND = 0.5
-"""A guided robot steers for a place so far behind the dock that guides it [m]."""
-_STEEP = 0.08
-"""A robot on a slope steeper than this drives straight up or down it [rad]."""
+HALF_GAUGE = 0.0458  # Half the distance of the tracks [m] (S: the authors' simulator)
+SLIP = 1.54  # Ideal rate of turning over the real one of a lone Scout on the spot (docs/physics.md)
+_FACING = pi / 3  # A robot drives ahead only if it faces its goal to within this angle [rad]
+_BEHIND = 0.5  # A guided robot steers for a place so far behind the dock that guides it [m]
+_STEEP = 0.08  # A robot on a slope steeper than this drives straight up or down it [rad]
 _SLOPE_GAIN = 4.0
 """Rate of turning per roll on a slope [1/s]; roll is small where a robot drives along the gradient."""
 

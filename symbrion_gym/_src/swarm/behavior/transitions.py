@@ -16,40 +16,24 @@ PIT_DEPTHS = (0.12, 1.0)
 """Ground ahead that lies so much lower is a pit [m]: more than one Scout is high; without ground it is a rim."""
 LEVEL, SLOPE = 0.06, 0.12
 """Pitch below which ground is level, and above which it is a slope [rad]: between ±3.4 and ±6.9 degrees."""
-ROOM = 0.15
-"""A seed drives so far back on level ground from the foot of a slope [m]."""
-LONGEST_RETREAT = 1.5
-"""A robot that has driven back so far from a pit, or from a slope, explores again [m]."""
-LOCKING_TIME = 2.0
-"""Time that a dock takes to lock [s] (estimate)."""
-PARTING_TIME = 2.0
-"""Time between the undocking and the first robot that leaves, and from one to the next [s]."""
-LEAVE_DISTANCE = 0.20
-"""A robot drives so far on after an organism has parted [m] ..."""
-LEAVE_GAP = 0.06
-"""... and so much farther for each that comes behind it [m]."""
-LEAVE_TIME = 60.0
-"""And so long at most [s]."""
-STALL_TIME = 12.0
-"""A robot that comes no nearer to its beacon for so long backs off, turning [s]."""
+ROOM = 0.15  # A seed drives so far back on level ground from the foot of a slope [m]
+LONGEST_RETREAT = 1.5  # A robot that has driven back so far from a pit, or from a slope, explores again [m]
+LOCKING_TIME = 2.0  # Time that a dock takes to lock [s] (estimate)
+PARTING_TIME = 2.0  # Time between the undocking and the first robot that leaves, and from one to the next [s]
+LEAVE_DISTANCE = 0.20  # A robot drives so far on after an organism has parted [m] ..
+LEAVE_GAP = 0.06  # ... and so much farther for each that comes behind it [m].
+LEAVE_TIME = 60.0  # And so long at most [s]
+STALL_TIME = 12.0  # A robot that comes no nearer to its beacon for so long backs off, turning [s]
 
 
 class Situation(NamedTuple):
-    """All that a transition depends on.
+    """All that a transition depends on."""
 
-    Attributes:
-        percepts: what robots sense.
-        memory: what they remember, their wires already read.
-        plan: of the organism.
-        weights: of the behaviors.
-        numbers: of the robots.
-    """
-
-    percepts: Percepts
-    memory: Memory
-    plan: Plan
-    weights: BehaviorWeights
-    numbers: Int[np.ndarray, " N"]
+    percepts: Percepts  # what robots sense
+    memory: Memory  # what they remember, their wires already read
+    plan: Plan  # of the organism
+    weights: BehaviorWeights  # of the behaviors
+    numbers: Int[np.ndarray, " N"]  # of the robots
 
     @property
     def run(self) -> Float[np.ndarray, " N"]:
@@ -79,8 +63,7 @@ class Situation(NamedTuple):
         return (self.wanted >= 0) & ~self.percepts.docked
 
 
-Next = Int[np.ndarray, " N"]
-"""The next mode of each robot, were it in the mode of the function."""
+Next = Int[np.ndarray, " N"]  # The next mode of each robot, were it in the mode of the function
 
 
 def _choose(now: Mode, *cases: tuple[Any, Mode]) -> Next:

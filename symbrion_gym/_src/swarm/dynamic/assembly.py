@@ -23,13 +23,9 @@ from symbrion_gym._src.swarm.dynamic.motion import find_parts
 
 @dataclass(frozen=True)
 class OpenOrganism(Organism):
-    """An organism in which some arms move although nothing of it is docked to them.
+    """An organism in which some arms move although nothing of it is docked to them."""
 
-    Attributes:
-        open_arms: modules with such an arm.
-    """
-
-    open_arms: tuple[int, ...] = ()
+    open_arms: tuple[int, ...] = ()  # modules with such an arm
 
     @property
     def hinges(self) -> tuple[int, ...]:
@@ -38,15 +34,10 @@ class OpenOrganism(Organism):
 
 
 class Tree(NamedTuple):
-    """Robots that are one tree of bodies in the model.
+    """Robots that are one tree of bodies in the model."""
 
-    Attributes:
-        robots: which robot is which module.
-        organism: what they form; None for a lone Scout, whose arm is free.
-    """
-
-    robots: tuple[int, ...]
-    organism: Organism | None
+    robots: tuple[int, ...]  # which robot is which module
+    organism: Organism | None  # what they form; None for a lone Scout, whose arm is free
 
     @property
     def is_organism(self) -> bool:
@@ -60,15 +51,10 @@ class Tree(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """How a model holds the robots; hashable.
+    """How a model holds the robots; hashable."""
 
-    Attributes:
-        trees: every robot is in one of them.
-        welds: latched docks between different trees.
-    """
-
-    trees: tuple[Tree, ...]
-    welds: tuple[Docking, ...]
+    trees: tuple[Tree, ...]  # every robot is in one of them
+    welds: tuple[Docking, ...]  # latched docks between different trees
 
 
 @lru_cache(maxsize=256)
@@ -103,39 +89,25 @@ _WELD_SOLREF = (0.01, 1.0)
 """Time constant [s] and damping ratio of welds: twice the physics step, the stiffest that stays stable."""
 _WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """The stiffest that MuJoCo has: welds yield to a force by 0.01 % of what a free body would."""
-_FRICTION_STIFFNESS = 10.0
-"""Of friction against that of contacts, as for organisms with elliptic cones."""
-_KEPT = 64
-"""Models that are kept for a layout that comes back."""
+_FRICTION_STIFFNESS = 10.0  # Of friction against that of contacts, as for organisms with elliptic cones
+_KEPT = 64  # Models that are kept for a layout that comes back
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """A compiled layout; every array has one entry for each robot.
+    """A compiled layout; every array has one entry for each robot."""
 
-    Attributes:
-        layout: how it holds the robots.
-        model: compiled; track speeds and poses of welds are written into it.
-        sites: ids of the sites that mark the modules' centers.
-        arms: ids of the bodies that carry the arms.
-        docks: ids of the sites of the docks, in the order of `SIDES`.
-        hinge_qpos: addresses of the hinges in qpos; -1 where the arm is folded up for good.
-        hinge_dof: their addresses in qvel.
-        hinge_servo: ids of their actuators.
-        track_geoms: ids of the geoms that drive, left before right.
-        owners: for each geom the robot that it belongs to; -1 for those of the arena.
-    """
-
-    layout: Layout
-    model: mujoco.MjModel
-    sites: Int[np.ndarray, " N"]
-    arms: Int[np.ndarray, " N"]
-    docks: Int[np.ndarray, "N 4"]
+    layout: Layout  # how it holds the robots
+    model: mujoco.MjModel  # compiled; track speeds and poses of welds are written into it
+    sites: Int[np.ndarray, " N"]  # ids of the sites that mark the modules' centers
+    arms: Int[np.ndarray, " N"]  # ids of the bodies that carry the arms
+    docks: Int[np.ndarray, "N 4"]  # ids of the sites of the docks, in the order of `SIDES`
+    # addresses of the hinges in qpos; -1 where the arm is folded up for good
     hinge_qpos: Int[np.ndarray, " N"]
-    hinge_dof: Int[np.ndarray, " N"]
-    hinge_servo: Int[np.ndarray, " N"]
-    track_geoms: Int[np.ndarray, "N T"]
-    owners: Int[np.ndarray, " G"]
+    hinge_dof: Int[np.ndarray, " N"]  # their addresses in qvel
+    hinge_servo: Int[np.ndarray, " N"]  # ids of their actuators
+    track_geoms: Int[np.ndarray, "N T"]  # ids of the geoms that drive, left before right
+    owners: Int[np.ndarray, " G"]  # for each geom the robot that it belongs to; -1 for those of the arena
 
     def find_root(self, tree: Tree) -> tuple[int, int]:
         """Return the addresses of a tree's free joint in qpos and qvel."""

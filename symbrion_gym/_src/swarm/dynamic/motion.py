@@ -12,28 +12,18 @@ from jaxtyping import Float
 from symbrion_gym._src.robot.scout import make_scout
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
-FOLDED = np.pi / 2
-"""Angle of the hinge of an arm that is folded up [rad]."""
+FOLDED = np.pi / 2  # Angle of the hinge of an arm that is folded up [rad]
 
 
 class Motion(NamedTuple):
-    """Poses and velocities of N robots in the arena.
+    """Poses and velocities of N robots in the arena."""
 
-    Attributes:
-        position: centers of the chassis [m].
-        rotation: from the frames of the chassis to the arena.
-        velocity: of the centers [m/s].
-        spin: rates of rotation in the arena [rad/s].
-        hinge: angles of the hinges [rad].
-        hinge_rate: [rad/s].
-    """
-
-    position: Float[np.ndarray, "N 3"]
-    rotation: Float[np.ndarray, "N 3 3"]
-    velocity: Float[np.ndarray, "N 3"]
-    spin: Float[np.ndarray, "N 3"]
-    hinge: Float[np.ndarray, " N"]
-    hinge_rate: Float[np.ndarray, " N"]
+    position: Float[np.ndarray, "N 3"]  # centers of the chassis [m]
+    rotation: Float[np.ndarray, "N 3 3"]  # from the frames of the chassis to the arena
+    velocity: Float[np.ndarray, "N 3"]  # of the centers [m/s]
+    spin: Float[np.ndarray, "N 3"]  # rates of rotation in the arena [rad/s]
+    hinge: Float[np.ndarray, " N"]  # angles of the hinges [rad]
+    hinge_rate: Float[np.ndarray, " N"]  # [rad/s]
 
 
 class Part(NamedTuple):
@@ -45,21 +35,13 @@ class Part(NamedTuple):
 
 
 class PartMotion(NamedTuple):
-    """One part of each of N robots.
+    """One part of each of N robots."""
 
-    Attributes:
-        mass: of the part [kg].
-        center: its centers of mass in the arena [m].
-        velocity: of those [m/s].
-        spin: [rad/s].
-        inertia: about those, in the arena [kg m²].
-    """
-
-    mass: float
-    center: Float[np.ndarray, "N 3"]
-    velocity: Float[np.ndarray, "N 3"]
-    spin: Float[np.ndarray, "N 3"]
-    inertia: Float[np.ndarray, "N 3 3"]
+    mass: float  # of the part [kg]
+    center: Float[np.ndarray, "N 3"]  # its centers of mass in the arena [m]
+    velocity: Float[np.ndarray, "N 3"]  # of those [m/s]
+    spin: Float[np.ndarray, "N 3"]  # [rad/s]
+    inertia: Float[np.ndarray, "N 3 3"]  # about those, in the arena [kg m²]
 
 
 @lru_cache(maxsize=8)

@@ -135,8 +135,7 @@ def _project_velocities(
     data.qvel[moving] = np.linalg.solve(inertia[np.ix_(moving, moving)], momentum[moving])
 
 
-EXACT = 3e-5
-"""Docks this near to their exact pose have mated [m]."""
+EXACT = 3e-5  # Docks this near to their exact pose have mated [m]
 EXACT_ANGLE = 2e-4
 """Likewise [rad]: over the length of eight modules this is 0.2 mm, which the fit of a tree halves."""
 _HALF_TURN = Rotation.from_rotvec([0.0, 0.0, np.pi])
@@ -144,17 +143,12 @@ _HALF_TURN = Rotation.from_rotvec([0.0, 0.0, np.pi])
 
 @dataclass(frozen=True)
 class Mating:
-    """A latched pair on its way to the exact pose.
+    """A latched pair on its way to the exact pose."""
 
-    Attributes:
-        offset: displacement of the second dock in the frame of the first, beyond the exact one, when they latched [m].
-        turn: its rotation likewise, as a rotation vector [rad].
-        began: when they latched [s].
-    """
-
+    # displacement of the second dock in the frame of the first, beyond the exact one, when they latched [m]
     offset: Float[np.ndarray, " 3"]
-    turn: Float[np.ndarray, " 3"]
-    began: float
+    turn: Float[np.ndarray, " 3"]  # its rotation likewise, as a rotation vector [rad]
+    began: float  # when they latched [s]
 
 
 def compute_error(

@@ -40,28 +40,21 @@ from symbrion_gym._src.swarm.placing import lay_robots
 from symbrion_gym._src.swarm.world import DECISION, SwarmCommands, SwarmState
 
 _FRONT = SIDES.index("front")
-_AT_REST = 0.02
-"""An arm that turns more slowly than this is folded for good [rad/s]."""
-_LARGEST_JUMP = 5e-5
-"""What a change of the model may move a robot at most [m]."""
-_FOLDED_TOLERANCE = 1e-3
-"""Arms this near to their folded angle count as folded [rad]."""
+_AT_REST = 0.02  # An arm that turns more slowly than this is folded for good [rad/s]
+_LARGEST_JUMP = 5e-5  # What a change of the model may move a robot at most [m]
+_FOLDED_TOLERANCE = 1e-3  # Arms this near to their folded angle count as folded [rad]
 
 
 @dataclass(frozen=True)
 class DynamicConfig:
     """How the physics is stepped.
 
-    Attributes:
-        timestep: physics step [s].
-        tick: time between two changes of the servos' targets, as of organisms [s].
-
     Raises:
         OptionError: a value is out of range, or a tick is no whole number of physics steps.
     """
 
-    timestep: float = 0.005
-    tick: float = 0.02
+    timestep: float = 0.005  # physics step [s]
+    tick: float = 0.02  # time between two changes of the servos' targets, as of organisms [s]
 
     def __post_init__(self) -> None:
         check_positive(self, ("timestep", "tick"), OptionError)

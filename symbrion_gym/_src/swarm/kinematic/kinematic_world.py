@@ -102,10 +102,8 @@ def _fit_twists(
     return np.column_stack([mean_u + turn * center_y, mean_v - turn * center_x, turn])
 
 
-_LANDING_ROUNDS = 3
-"""Fits of the ground when robots are placed: the foot of a robot moves as it tilts."""
-_LOWEST_ARM = -0.6
-"""Angle at which the free arm of a robot touches the ground [rad]."""
+_LANDING_ROUNDS = 3  # Fits of the ground when robots are placed: the foot of a robot moves as it tilts
+_LOWEST_ARM = -0.6  # Angle at which the free arm of a robot touches the ground [rad]
 _MOST_PULL = 0.02
 """Docks that mate pull no robot farther than this in a decision [m], even where something was in the way before."""
 _FRONT = SIDES.index("front")

@@ -59,19 +59,12 @@ def compute_spins(
 
 
 class Outlines(NamedTuple):
-    """Robots seen from above.
+    """Robots seen from above."""
 
-    Attributes:
-        center: of the chassis [m].
-        ahead: unit vectors along the headings.
-        arm: centers of the rounded ends of the arms [m].
-        height: of the centers [m].
-    """
-
-    center: Float[np.ndarray, "N 2"]
-    ahead: Float[np.ndarray, "N 2"]
-    arm: Float[np.ndarray, "N 2"]
-    height: Float[np.ndarray, " N"]
+    center: Float[np.ndarray, "N 2"]  # of the chassis [m]
+    ahead: Float[np.ndarray, "N 2"]  # unit vectors along the headings
+    arm: Float[np.ndarray, "N 2"]  # centers of the rounded ends of the arms [m]
+    height: Float[np.ndarray, " N"]  # of the centers [m]
 
 
 def find_outlines(
@@ -124,22 +117,15 @@ def _compute_lengths(vectors: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P
     return np.hypot(vectors[:, 0], vectors[:, 1])
 
 
-FULL, TURN, STAY = 0, 1, 2
-"""What a robot does of a wanted motion: all, only its turn on the spot, nothing."""
+FULL, TURN, STAY = 0, 1, 2  # What a robot does of a wanted motion: all, only its turn on the spot, nothing
 
 
 class Poses(NamedTuple):
-    """Poses of N robots on the ground.
+    """Poses of N robots on the ground."""
 
-    Attributes:
-        position: centers of the chassis [m].
-        rotation: of the chassis, to the arena.
-        hinge: angles of the arms [rad].
-    """
-
-    position: Float[np.ndarray, "N 3"]
-    rotation: Float[np.ndarray, "N 3 3"]
-    hinge: Float[np.ndarray, " N"]
+    position: Float[np.ndarray, "N 3"]  # centers of the chassis [m]
+    rotation: Float[np.ndarray, "N 3 3"]  # of the chassis, to the arena
+    hinge: Float[np.ndarray, " N"]  # angles of the arms [rad]
 
     @property
     def heading(self) -> Float[np.ndarray, " N"]:
@@ -317,29 +303,26 @@ _QUARTER_TURN = 90.0
 class KinematicConfig:
     """Limits and errors of kinematic motion.
 
-    Attributes:
-        max_slope: steepest ground under the tracks [deg]. One Scout climbs 20 in MuJoCo and tips over at 25
-            (`SLOPE_LIMIT`).
-        max_step: highest step up or down at the rim of the chassis [m]. One Scout climbs 10 mm in MuJoCo
-            (`STEP_LIMITS`); what is higher, or a pit, stops it.
-        max_unknown: largest share of the ground below a robot that may be unknown: scans have small holes. More is the
-            end of the surface.
-        ceiling: surface above this height is not there [m]: the ceiling of a scanned room; None if there is none. A
-            robot drives on the highest surface below it.
-        slip: standard deviation of the speed of each track, as a share of it, in every decision (estimate). Odometry
-            does not notice it.
-        grip: overlap of two robots that is none [m]: rounding.
-
     Raises:
         OptionError: a value is out of range.
     """
 
+    # steepest ground under the tracks [deg]. One Scout climbs 20 in MuJoCo and tips over at 25
+    # (`SLOPE_LIMIT`).
     max_slope: float = 20.0
+    # highest step up or down at the rim of the chassis [m]. One Scout climbs 10 mm in MuJoCo (`STEP_LIMITS`);
+    # what is higher, or a pit, stops it.
     max_step: float = STEP_LIMITS[0][1]
+    # largest share of the ground below a robot that may be unknown: scans have small holes. More is the end
+    # of the surface.
     max_unknown: float = 0.25
+    # surface above this height is not there [m]: the ceiling of a scanned room; None if there is none. A
+    # robot drives on the highest surface below it.
     ceiling: float | None = None
+    # standard deviation of the speed of each track, as a share of it, in every decision (estimate). Odometry
+    # does not notice it.
     slip: float = 0.03
-    grip: float = 1e-6
+    grip: float = 1e-6  # overlap of two robots that is none [m]: rounding
 
     def __post_init__(self) -> None:
         check_positive(self, ("max_slope", "max_step", "grip"), OptionError)

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
     from symbrion_gym._src.swarm.sight import Sight
 
-_ROUNDING = 1e-9
-"""Heights that differ by less are the same [m]."""
+_ROUNDING = 1e-9  # Heights that differ by less are the same [m]
 _LEAST_SLIP = 0.01
 """Slip below which friction grows in proportion to it, as a share of the speed of the belts; MuJoCo's contacts give way
 about as much."""
@@ -31,24 +30,18 @@ _NUM_REACHES, _NUM_PULLS, _NUM_DIRECTIONS = 5, 10, 36
 _ITERATIONS, _HALVINGS, _ENOUGH = 30, 30, 0.1
 """Of Newton's method: steps, halvings of a step, share of the promised decrease that a step has to bring."""
 _CONVERGED = 1e-9
-_RIDGE = 1e-12
-"""Added to the Hessian, so that it can always be solved."""
+_RIDGE = 1e-12  # Added to the Hessian, so that it can always be solved
 
-_CORNERS = np.array(list(np.ndindex(2, 2, 2)))
-"""Of a cell of the table."""
+_CORNERS = np.array(list(np.ndindex(2, 2, 2)))  # Of a cell of the table
 
 
 class Skids(NamedTuple):
-    """Motion of a Scout whose right belt runs at 1 m/s and its left one at -1 m/s, found once for each kind of Scout.
+    """Motion of a Scout whose right belt runs at 1 m/s and its left one at -1 m/s, found once a kind of Scout."""
 
-    Attributes:
-        most: strongest pull in the table, the tangent of a slope.
-        motion: ahead, left [m/s] and turn to the left [rad/s], by reach of the arm (cosine of the hinge's angle, from 0
-            to 1), pull (from 0 to `most`) and its direction in the frame of the Scout (a full turn from -180 degrees;
-            the last is the first).
-    """
-
-    most: float
+    most: float  # strongest pull in the table, the tangent of a slope
+    # ahead, left [m/s] and turn to the left [rad/s], by reach of the arm (cosine of the hinge's angle, from 0
+    # to 1), pull (from 0 to `most`) and its direction in the frame of the Scout (a full turn from -180
+    # degrees; the last is the first)
     motion: Float[np.ndarray, "K L D 3"]
 
 
@@ -178,31 +171,20 @@ def interpolate(
     return motion
 
 
-_NUM_RIM = 16
-"""Places on the rim of a chassis whose height is read: 2 cm apart."""
-_NUM_WALL_RAYS = 8
-"""Rays in the plane of the tracks from the center of a chassis to its rim."""
-_LEAST_SPREAD = 1e-10
-"""Determinant below which the places of a plane lie on a line [m^4]."""
+_NUM_RIM = 16  # Places on the rim of a chassis whose height is read: 2 cm apart
+_NUM_WALL_RAYS = 8  # Rays in the plane of the tracks from the center of a chassis to its rim
+_LEAST_SPREAD = 1e-10  # Determinant below which the places of a plane lie on a line [m^4]
 
 
 class GroundFit(NamedTuple):
-    """How robots stand; the last four are what may be too much.
+    """How robots stand; the last four are what may be too much."""
 
-    Attributes:
-        normal: of the plane below the group of each robot.
-        height: of that plane below the center of each robot's group root [m].
-        slope: of the plane below the tracks of each robot alone [rad].
-        step: largest height of the rim of the chassis above or below that plane [m].
-        unknown: share of the places whose height is unknown.
-        wall: how far walls reach into the disc of the chassis, at the height of its center [m].
-    """
-
-    normal: Float[np.ndarray, "N 3"]
-    height: Float[np.ndarray, " N"]
-    slope: Float[np.ndarray, " N"]
-    step: Float[np.ndarray, " N"]
-    unknown: Float[np.ndarray, " N"]
+    normal: Float[np.ndarray, "N 3"]  # of the plane below the group of each robot
+    height: Float[np.ndarray, " N"]  # of that plane below the center of each robot's group root [m]
+    slope: Float[np.ndarray, " N"]  # of the plane below the tracks of each robot alone [rad]
+    step: Float[np.ndarray, " N"]  # largest height of the rim of the chassis above or below that plane [m]
+    unknown: Float[np.ndarray, " N"]  # share of the places whose height is unknown
+    # how far walls reach into the disc of the chassis, at the height of its center [m]
     wall: Float[np.ndarray, " N"]
 
 

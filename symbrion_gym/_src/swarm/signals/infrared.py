@@ -22,30 +22,19 @@ if TYPE_CHECKING:
 
 NUM_UNITS = 8
 """Infrared units of a Scout: two a side, the left one (seen from within) first; sides in the order of `SIDES`."""
-_LEAST_READING = 0.5
-"""Light below this reading is none [counts]: the standard deviation of the noise."""
-_NARROW = 0.92
-"""Cosine of the angle off a dock's axis beyond which almost all light is that of its wide part."""
-_LEAST_DISTANCE = 0.01
-"""Smaller distances count as this one [m]: units do not touch."""
+_LEAST_READING = 0.5  # Light below this reading is none [counts]: the standard deviation of the noise
+_NARROW = 0.92  # Cosine of the angle off a dock's axis beyond which almost all light is that of its wide part
+_LEAST_DISTANCE = 0.01  # Smaller distances count as this one [m]: units do not touch
 
 
 class Light(NamedTuple):
-    """Light that gets from docks to the two units of a side of other robots.
+    """Light that gets from docks to the two units of a side of other robots."""
 
-    Attributes:
-        sender: robot.
-        dock: its side.
-        receiver: robot.
-        side: its side.
-        readings: of both units, not limited [counts].
-    """
-
-    sender: Int[np.ndarray, " L"]
-    dock: Int[np.ndarray, " L"]
-    receiver: Int[np.ndarray, " L"]
-    side: Int[np.ndarray, " L"]
-    readings: Float[np.ndarray, "L 2"]
+    sender: Int[np.ndarray, " L"]  # robot
+    dock: Int[np.ndarray, " L"]  # its side
+    receiver: Int[np.ndarray, " L"]  # robot
+    side: Int[np.ndarray, " L"]  # its side
+    readings: Float[np.ndarray, "L 2"]  # of both units, not limited [counts]
 
 
 def find_units(
@@ -140,20 +129,13 @@ def compute_readings(
     return config.gain * lobe * seen**RECEPTION * distance**-FALLOFF
 
 
-FALLOFF = 1.7
-"""Exponent of the distance [F]."""
-LOBE = 66.0
-"""Exponent of the cosine of the angle off the beacon's axis, for its narrow part [F]."""
-SIDE_SHARE = 0.18
-"""What the beacon sends to all sides before it, as a share of that along its axis [F]."""
-RECEPTION = 4.0
-"""Exponent of the cosine of the angle off the axis of the receiving unit [E]."""
-SATURATION = 275.0
-"""Largest reading [F: 275 is the largest there]."""
-AMBIENT = 0.5
-"""Reading without a beacon [F]."""
-MESSAGE_THRESHOLD = 1.5
-"""Weakest sum of both units of a side with which a message is read [counts] [E]."""
+FALLOFF = 1.7  # Exponent of the distance [F]
+LOBE = 66.0  # Exponent of the cosine of the angle off the beacon's axis, for its narrow part [F]
+SIDE_SHARE = 0.18  # What the beacon sends to all sides before it, as a share of that along its axis [F]
+RECEPTION = 4.0  # Exponent of the cosine of the angle off the axis of the receiving unit [E]
+SATURATION = 275.0  # Largest reading [F: 275 is the largest there]
+AMBIENT = 0.5  # Reading without a beacon [F]
+MESSAGE_THRESHOLD = 1.5  # Weakest sum of both units of a side with which a message is read [counts] [E]
 CAPTURE = 2.0
 """How many times as strong as all others together a message must be to be read; else they collide [E]."""
 
@@ -168,19 +150,14 @@ class SignalConfig:
     looked along parallel lines, so that how the lobe divides into that of the sender and of the receiver is an
     estimate [E].
 
-    Attributes:
-        gain: reading of a unit at 1 m that looks at a beacon that looks at it [F].
-        noise: standard deviation of a reading [F].
-        relative_noise: likewise, as a share of the reading [E]; 0.16-0.21 is left by the fit, which includes its error.
-        message_loss: probability that a message is lost on its way [E].
-
     Raises:
     """
 
-    gain: float = 5.9
-    noise: float = 0.5
+    gain: float = 5.9  # reading of a unit at 1 m that looks at a beacon that looks at it [F]
+    noise: float = 0.5  # standard deviation of a reading [F]
+    # likewise, as a share of the reading [E]; 0.16-0.21 is left by the fit, which includes its error
     relative_noise: float = 0.05
-    message_loss: float = 0.02
+    message_loss: float = 0.02  # probability that a message is lost on its way [E]
 
     def __post_init__(self) -> None:
         check_positive(self, ("gain",), OptionError)

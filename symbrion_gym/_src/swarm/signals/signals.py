@@ -26,22 +26,16 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Docking
     from symbrion_gym._src.swarm.world import SwarmWorld
 
-NO_MESSAGE = -1
-"""Nothing sent or received."""
+NO_MESSAGE = -1  # Nothing sent or received
 
 
 class Transmissions(NamedTuple):
-    """What N robots send in one decision; docks in the order of `SIDES`. A latched dock sends no light.
+    """What N robots send in one decision; docks in the order of `SIDES`. A latched dock sends no light."""
 
-    Attributes:
-        beacon: whether the beacon of each dock shines.
-        message: what each dock sends by infrared, a number of at least 0; `NO_MESSAGE` for nothing.
-        wired: what each dock sends to the module that is docked to it; likewise.
-    """
-
-    beacon: Bool[np.ndarray, "N 4"]
+    beacon: Bool[np.ndarray, "N 4"]  # whether the beacon of each dock shines
+    # what each dock sends by infrared, a number of at least 0; `NO_MESSAGE` for nothing
     message: Int[np.ndarray, "N 4"]
-    wired: Int[np.ndarray, "N 4"]
+    wired: Int[np.ndarray, "N 4"]  # what each dock sends to the module that is docked to it; likewise
 
     @classmethod
     def make_silent(cls, num_robots: int) -> Transmissions:
@@ -51,19 +45,14 @@ class Transmissions(NamedTuple):
 
 
 class Receptions(NamedTuple):
-    """What N robots receive in one decision.
+    """What N robots receive in one decision."""
 
-    Attributes:
-        beacon: reading of each infrared unit, two a side, the left one (seen from within) first [counts].
-        message: what each side received by infrared; `NO_MESSAGE` for nothing.
-        collided: whether messages at a side disturbed each other, so that none was read.
-        wired: what each dock received from the module docked to it.
-    """
-
+    # reading of each infrared unit, two a side, the left one (seen from within) first [counts]
     beacon: Float[np.ndarray, "N 8"]
-    message: Int[np.ndarray, "N 4"]
+    message: Int[np.ndarray, "N 4"]  # what each side received by infrared; `NO_MESSAGE` for nothing
+    # whether messages at a side disturbed each other, so that none was read
     collided: Bool[np.ndarray, "N 4"]
-    wired: Int[np.ndarray, "N 4"]
+    wired: Int[np.ndarray, "N 4"]  # what each dock received from the module docked to it
 
 
 class Signals:

@@ -9,40 +9,25 @@ from jaxtyping import Float, Int
 
 from symbrion_gym._src.tasks.features.way import Profile
 
-_NEAR = 0.05
-"""A lane shows an edge where it jumps this close to the line through the others [m]."""
-LEAST_LANES = 3
-"""A line is drawn through at least as many lanes."""
-_HALVINGS = 7
-"""Intervals of 1 cm are halved as often: 0.1 mm."""
+_NEAR = 0.05  # A lane shows an edge where it jumps this close to the line through the others [m]
+LEAST_LANES = 3  # A line is drawn through at least as many lanes
+_HALVINGS = 7  # Intervals of 1 cm are halved as often: 0.1 mm
 
 
 class Jump(NamedTuple):
-    """A jump of the ground along a lane: it changes like a wall.
+    """A jump of the ground along a lane: it changes like a wall."""
 
-    Attributes:
-        first: sample before it.
-        last: sample after it.
-        rise: what the ground gains there [m]; below 0 for a fall.
-    """
-
-    first: int
-    last: int
-    rise: float
+    first: int  # sample before it
+    last: int  # sample after it
+    rise: float  # what the ground gains there [m]; below 0 for a fall
 
 
 class Edge(NamedTuple):
-    """An edge across a way.
+    """An edge across a way."""
 
-    Attributes:
-        s: where it crosses the middle of the way [m].
-        skew: gain of s to the left: tangent of the angle from the perpendicular of the way.
-        share: share of the lanes that show it.
-    """
-
-    s: float
-    skew: float
-    share: float
+    s: float  # where it crosses the middle of the way [m]
+    skew: float  # gain of s to the left: tangent of the angle from the perpendicular of the way
+    share: float  # share of the lanes that show it
 
 
 def find_jumps(heights: Float[np.ndarray, " D"], least: float, wall: int) -> list[Jump]:

@@ -26,34 +26,26 @@ from symbrion_gym._src.tasks.features.edges import (
 from symbrion_gym._src.tasks.features.ramp import RampSearch, find_ramps
 from symbrion_gym._src.tasks.features.way import Line, Profile, Way, WaySearch, read_profile
 
-_STRAIGHT = float(np.tan(np.deg2rad(1.0)))
-"""A way whose edges are skewed by less is perpendicular to them."""
-_SPREAD = 0.02
-"""Edges whose lanes scatter by this [m] halve the confidence."""
+_STRAIGHT = float(np.tan(np.deg2rad(1.0)))  # A way whose edges are skewed by less is perpendicular to them
+_SPREAD = 0.02  # Edges whose lanes scatter by this [m] halve the confidence
 
 
 @dataclass(frozen=True)
 class GapSearch:
     """What counts as a gap.
 
-    Attributes:
-        step: spacing of the heights along the way [m].
-        wall_steps: a wall's height is gained or lost within this number of steps, as scanned walls lean.
-        depth: smallest height of the walls [m]; what is lower is a step.
-        max_width: a wider gap is ground to drive on [m]; an organism of 8 modules is 1 m long.
-        agreement: share of the lanes that have to show both edges; where fewer do, an organism drives around it.
-        ramp: what counts as a ramp before the gap, at whose foot the start is.
-
     Raises:
         OptionError: a number is out of range.
     """
 
-    step: float = 0.01
+    step: float = 0.01  # spacing of the heights along the way [m]
+    # a wall's height is gained or lost within this number of steps, as scanned walls lean
     wall_steps: int = 4
-    depth: float = 0.08
-    max_width: float = 1.5
+    depth: float = 0.08  # smallest height of the walls [m]; what is lower is a step
+    max_width: float = 1.5  # a wider gap is ground to drive on [m]; an organism of 8 modules is 1 m long
+    # share of the lanes that have to show both edges; where fewer do, an organism drives around it
     agreement: float = 0.6
-    ramp: RampSearch | None = None
+    ramp: RampSearch | None = None  # what counts as a ramp before the gap, at whose foot the start is
 
     def __post_init__(self) -> None:
         check_positive(self, ("step", "depth", "max_width", "agreement"), OptionError)
@@ -62,25 +54,15 @@ class GapSearch:
 
 @dataclass(frozen=True)
 class Gap:
-    """A gap, with the way across it; s along that way [m].
+    """A gap, with the way across it; s along that way [m]."""
 
-    Attributes:
-        way: the way, perpendicular to the edges unless its direction was given.
-        start: s of the foot of the ramp before the gap; without a ramp, where the surface begins [m].
-        near: s of the near edge, in the middle of the way [m].
-        far: s of the far edge [m].
-        floor: height of its floor [m].
-        top: height of the ground at the near edge [m].
-        confidence: from 0 to 1: share of the lanes that show both edges, times how well they agree.
-    """
-
-    way: Way
-    start: float
-    near: float
-    far: float
-    floor: float
-    top: float
-    confidence: float
+    way: Way  # the way, perpendicular to the edges unless its direction was given
+    start: float  # s of the foot of the ramp before the gap; without a ramp, where the surface begins [m]
+    near: float  # s of the near edge, in the middle of the way [m]
+    far: float  # s of the far edge [m]
+    floor: float  # height of its floor [m]
+    top: float  # height of the ground at the near edge [m]
+    confidence: float  # from 0 to 1: share of the lanes that show both edges, times how well they agree
 
     @property
     def width(self) -> float:

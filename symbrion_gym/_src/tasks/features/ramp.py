@@ -20,23 +20,16 @@ from symbrion_gym._src.traversability.footprint import Footprint
 class RampSearch:
     """What counts as a ramp.
 
-    Attributes:
-        min_slope: smallest slope [rad]; what is flatter is level.
-        max_slope: largest slope [rad]; what is steeper is a wall.
-        length: shortest ramp in plan [m].
-        rise: smallest height of a ramp [m].
-        roughness: largest standard deviation of its ground from an even slope [m].
-        window: the slope is that over such a stretch [m]; short ones take the noise of a scan for slopes.
-
     Raises:
         OptionError: a number is out of range.
     """
 
-    min_slope: float = float(np.deg2rad(4.0))
-    max_slope: float = float(np.deg2rad(40.0))
-    length: float = 0.3
-    rise: float = 0.05
-    roughness: float = 0.006
+    min_slope: float = float(np.deg2rad(4.0))  # smallest slope [rad]; what is flatter is level
+    max_slope: float = float(np.deg2rad(40.0))  # largest slope [rad]; what is steeper is a wall
+    length: float = 0.3  # shortest ramp in plan [m]
+    rise: float = 0.05  # smallest height of a ramp [m]
+    roughness: float = 0.006  # largest standard deviation of its ground from an even slope [m]
+    # the slope is that over such a stretch [m]; short ones take the noise of a scan for slopes
     window: float = 0.1
 
     def __post_init__(self) -> None:
@@ -49,21 +42,13 @@ class RampSearch:
 
 @dataclass(frozen=True)
 class Ramp:
-    """A ramp; s along the way [m].
+    """A ramp; s along the way [m]."""
 
-    Attributes:
-        way: the way over it.
-        foot: s where it begins [m].
-        crest: s where it ends [m].
-        low: height of the ground at the foot [m].
-        high: height of the ground at the crest [m]; lower than at the foot where it leads down.
-    """
-
-    way: Way
-    foot: float
-    crest: float
-    low: float
-    high: float
+    way: Way  # the way over it
+    foot: float  # s where it begins [m]
+    crest: float  # s where it ends [m]
+    low: float  # height of the ground at the foot [m]
+    high: float  # height of the ground at the crest [m]; lower than at the foot where it leads down
 
     @property
     def rise(self) -> float:

@@ -15,8 +15,7 @@ from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.tasks.features.edges import Jump, find_crossings, find_jumps, find_lanes, fit_edge
 from symbrion_gym._src.tasks.features.way import Profile, Way, WaySearch, read_profile
 
-_ALIKE = 0.5
-"""Steps of one staircase differ in rise and run by no more than this share of their mean."""
+_ALIKE = 0.5  # Steps of one staircase differ in rise and run by no more than this share of their mean
 _NEAR = 0.08
 """A lane shows a step where it jumps this close to that of the profile [m], and more where the step is skewed."""
 
@@ -25,24 +24,17 @@ _NEAR = 0.08
 class StepSearch:
     """What counts as a step.
 
-    Attributes:
-        step: spacing of the heights along the way [m].
-        wall_steps: a step is gained within this number of them, as scanned walls lean.
-        rise: smallest height [m]; what is lower is the roughness of a scan.
-        tread: shortest ground beyond a step [m]; what ends earlier is an obstacle.
-        agreement: share of the lanes that have to show a step; where fewer do, an organism drives around it.
-        num_steps: fewest steps of stairs.
-
     Raises:
         OptionError: a number is out of range.
     """
 
-    step: float = 0.01
-    wall_steps: int = 4
-    rise: float = 0.025
-    tread: float = 0.1
+    step: float = 0.01  # spacing of the heights along the way [m]
+    wall_steps: int = 4  # a step is gained within this number of them, as scanned walls lean
+    rise: float = 0.025  # smallest height [m]; what is lower is the roughness of a scan
+    tread: float = 0.1  # shortest ground beyond a step [m]; what ends earlier is an obstacle
+    # share of the lanes that have to show a step; where fewer do, an organism drives around it
     agreement: float = 0.6
-    num_steps: int = 2
+    num_steps: int = 2  # fewest steps of stairs
 
     def __post_init__(self) -> None:
         check_positive(self, ("step", "rise", "tread", "agreement"), OptionError)
@@ -51,21 +43,13 @@ class StepSearch:
 
 @dataclass(frozen=True)
 class Step:
-    """A step that leads up; s along the way [m].
+    """A step that leads up; s along the way [m]."""
 
-    Attributes:
-        way: the way over it.
-        edge: s of its riser, in the middle of the way [m].
-        low: height of the ground before it [m].
-        high: height of the ground beyond it [m].
-        confidence: share of the lanes that show it.
-    """
-
-    way: Way
-    edge: float
-    low: float
-    high: float
-    confidence: float
+    way: Way  # the way over it
+    edge: float  # s of its riser, in the middle of the way [m]
+    low: float  # height of the ground before it [m]
+    high: float  # height of the ground beyond it [m]
+    confidence: float  # share of the lanes that show it
 
     @property
     def rise(self) -> float:
@@ -75,15 +59,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Stairs:
-    """Steps that follow each other.
+    """Steps that follow each other."""
 
-    Attributes:
-        way: the way over them.
-        steps: the steps, from below.
-    """
-
-    way: Way
-    steps: tuple[Step, ...]
+    way: Way  # the way over them
+    steps: tuple[Step, ...]  # the steps, from below
 
     @property
     def rise(self) -> float:

@@ -18,10 +18,8 @@ from symbrion_gym._src.errors import OptionError, TaskError
 
 Line = tuple[tuple[float, float], tuple[float, float]]
 """A line across the way: (x, y) of its right and of its left end [m]."""
-_LOOKS_UP = 0.1
-"""Faces whose normal has a larger z component are ground or its steepest slopes."""
-_LIES_UNDER = 0.10
-"""Ground this far below the highest surface lies under something [m]."""
+_LOOKS_UP = 0.1  # Faces whose normal has a larger z component are ground or its steepest slopes
+_LIES_UNDER = 0.10  # Ground this far below the highest surface lies under something [m]
 _WHOLE = 0.01
 """The middle of a way is a multiple of this [m]: a scan is not more exact, and a course scanned along x keeps y = 0."""
 _SAME_HEADING = float(np.deg2rad(0.5))
@@ -32,28 +30,19 @@ _SAME_HEADING = float(np.deg2rad(0.5))
 class WaySearch:
     """How a way is looked at.
 
-    Attributes:
-        step: spacing of heights along the way [m].
-        lane: spacing of heights across it [m].
-        middle: lanes up to this far from the middle give the profile of the way [m].
-        unevenness: a lane leaves the way where its ground differs from the profile by more [m].
-        share: a lane belongs to the way where it has the ground of the profile for this share of its length.
-        covered: a way is not open where more than this share of it lies under something.
-        unseen: a way is no ground where more than this share of it is not on the surface.
-        max_samples: heights are spaced wider where there would be more along the way, or across it.
-
     Raises:
         OptionError: a number is out of range.
     """
 
-    step: float = 0.01
-    lane: float = 0.05
-    middle: float = 0.3
-    unevenness: float = 0.06
+    step: float = 0.01  # spacing of heights along the way [m]
+    lane: float = 0.05  # spacing of heights across it [m]
+    middle: float = 0.3  # lanes up to this far from the middle give the profile of the way [m]
+    unevenness: float = 0.06  # a lane leaves the way where its ground differs from the profile by more [m]
+    # a lane belongs to the way where it has the ground of the profile for this share of its length
     share: float = 0.85
-    covered: float = 0.05
-    unseen: float = 0.2
-    max_samples: int = 2000
+    covered: float = 0.05  # a way is not open where more than this share of it lies under something
+    unseen: float = 0.2  # a way is no ground where more than this share of it is not on the surface
+    max_samples: int = 2000  # heights are spaced wider where there would be more along the way, or across it
 
     def __post_init__(self) -> None:
         check_positive(self, [each.name for each in fields(self)], OptionError)
@@ -61,21 +50,13 @@ class WaySearch:
 
 @dataclass(frozen=True)
 class Way:
-    """A straight way; s is measured along it, from the foot of the perpendicular from the world's origin.
+    """A straight way; s is measured along it, from the foot of the perpendicular from the world's origin."""
 
-    Attributes:
-        heading: direction, as rotation about z [rad].
-        lateral: offset of its middle to the left of the origin [m].
-        half_width: half of the width on which its ground continues to both sides [m].
-        begin: s where the surface begins [m].
-        end: s where it ends [m].
-    """
-
-    heading: float
-    lateral: float
-    half_width: float
-    begin: float
-    end: float
+    heading: float  # direction, as rotation about z [rad]
+    lateral: float  # offset of its middle to the left of the origin [m]
+    half_width: float  # half of the width on which its ground continues to both sides [m]
+    begin: float  # s where the surface begins [m]
+    end: float  # s where it ends [m]
 
     @property
     def direction(self) -> tuple[float, float]:
@@ -99,22 +80,14 @@ class Way:
 
 @dataclass(frozen=True)
 class Profile:
-    """Heights along and across a way.
+    """Heights along and across a way."""
 
-    Attributes:
-        arena: the arena.
-        way: the way.
-        s: `[D]` positions along it [m].
-        left: `[L]` offsets of the lanes to the left of its middle [m].
-        heights: `[D, L]` ground [m]; nan where there is none.
-        middle: `[D]` height of the way: median of the middle lanes; where nothing was seen, that before it [m].
-    """
-
-    arena: Arena
-    way: Way
-    s: Float[np.ndarray, " D"]
-    left: Float[np.ndarray, " L"]
-    heights: Float[np.ndarray, "D L"]
+    arena: Arena  # the arena
+    way: Way  # the way
+    s: Float[np.ndarray, " D"]  # positions along it [m]
+    left: Float[np.ndarray, " L"]  # offsets of the lanes to the left of its middle [m]
+    heights: Float[np.ndarray, "D L"]  # ground [m]; nan where there is none
+    # height of the way: median of the middle lanes; where nothing was seen, that before it [m]
     middle: Float[np.ndarray, " D"]
 
     @property

@@ -17,44 +17,27 @@ from symbrion_gym._src.environment.warp.device.tick import DeviceTick, Orders
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError, TaskError
 
-_DIVERGED = 1
-"""Column of its flag."""
+_DIVERGED = 1  # Column of its flag
 
 
 class RunState(NamedTuple):
-    """What lasts from tick to tick.
+    """What lasts from tick to tick."""
 
-    Attributes:
-        episode: of each simulation.
-        is_done: whether its episode has ended, and the next has not begun.
-        key: of JAX, for automatic resets and noise.
-    """
-
-    episode: Episode
-    is_done: Bool[jax.Array, " N"]
-    key: jax.Array
+    episode: Episode  # of each simulation
+    is_done: Bool[jax.Array, " N"]  # whether its episode has ended, and the next has not begun
+    key: jax.Array  # of JAX, for automatic resets and noise
 
 
 class StepResult(NamedTuple):
-    """What a tick returns.
+    """What a tick returns."""
 
-    Attributes:
-        observation: of all simulations.
-        reward: of the tick.
-        terminated: whether the episode ended by what happened.
-        truncated: whether it was cut off.
-        info: see `OrganismVectorEnv`.
-        stale: simulations whose physics begins at a start.
-        numbers: the start of each of them.
-    """
-
-    observation: Float[jax.Array, "N O"]
-    reward: Float[jax.Array, " N"]
-    terminated: Bool[jax.Array, " N"]
-    truncated: Bool[jax.Array, " N"]
-    info: dict[str, Any]
-    stale: Bool[jax.Array, " N"]
-    numbers: Int[jax.Array, " N"]
+    observation: Float[jax.Array, "N O"]  # of all simulations
+    reward: Float[jax.Array, " N"]  # of the tick
+    terminated: Bool[jax.Array, " N"]  # whether the episode ended by what happened
+    truncated: Bool[jax.Array, " N"]  # whether it was cut off
+    info: dict[str, Any]  # see `OrganismVectorEnv`
+    stale: Bool[jax.Array, " N"]  # simulations whose physics begins at a start
+    numbers: Int[jax.Array, " N"]  # the start of each of them
 
 
 class DeviceRun:

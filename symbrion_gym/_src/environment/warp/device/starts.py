@@ -13,24 +13,16 @@ from symbrion_gym._src.environment.randomization import Domain
 from symbrion_gym._src.environment.warp.batch import list_columns
 from symbrion_gym._src.environment.warp.device.state import Episode
 
-_MOST_AT_ONCE = 32
-"""Simulations of the host in which starts are laid down."""
+_MOST_AT_ONCE = 32  # Simulations of the host in which starts are laid down
 
 
 class Starts(NamedTuple):
-    """Starts with their circumstances, K rows each.
+    """Starts with their circumstances, K rows each."""
 
-    Attributes:
-        qpos: generalized coordinates.
-        fields: entries of the model's fields that vary, name -> `[K, columns]`.
-        episode: the episode at its start, with its first observation.
-        domains: circumstances, name -> `[K]`.
-    """
-
-    qpos: Float[np.ndarray, "K nq"]
-    fields: dict[str, np.ndarray]
-    episode: Episode
-    domains: dict[str, np.ndarray]
+    qpos: Float[np.ndarray, "K nq"]  # generalized coordinates
+    fields: dict[str, np.ndarray]  # entries of the model's fields that vary, name -> `[K, columns]`
+    episode: Episode  # the episode at its start, with its first observation
+    domains: dict[str, np.ndarray]  # circumstances, name -> `[K]`
 
 
 class StartingEnv(OrganismVectorEnv):

@@ -78,68 +78,38 @@ def _compute_height_in(
 class Episode(NamedTuple):
     """What lasts from tick to tick of N episodes. Every field has N rows: of NumPy
     on the host, of JAX on a device.
-
-    Attributes:
-        target: `[N, h]` commanded angles of the servos [rad].
-        action: `[N, A]` the last action, after clipping.
-        track_speed: `[N]` speed of the tracks at an action of 1 [m/s].
-        track_odometry: `[N]` position of the head by its tracks [m].
-        believed: `[N, 3]` pose of the head by dead reckoning [m, rad].
-        headed: `[N]` number of the place that the body believes to head for.
-        start_head: `[N]` position of the head along the way at the start [m].
-        start_position: `[N, n, 3]` positions at the start [m].
-        start_mean: `[N]` mean position along the way at the start [m].
-        start_progress: `[N]` progress at the start.
-        start_way: `[N]` way at the start [m].
-        progress: `[N]` progress at the last tick.
-        tick: `[N]` ticks since the start.
-        was_ahead: `[N]` whether the body was ever farther ahead of its tracks than a fall explains.
-        held: `[N]` for how many ticks it has arrived.
-        memory: what terms remember, name -> `[N, ...]`.
-        numbers: `[N, K]` numbers of `info`.
-        flags: `[N, F]` flags of `info`.
-        observation: `[N, O]` the last observation.
     """
 
-    target: Any
-    action: Any
-    track_speed: Any
-    track_odometry: Any
-    believed: Any
-    headed: Any
-    start_head: Any
-    start_position: Any
-    start_mean: Any
-    start_progress: Any
-    start_way: Any
-    progress: Any
-    tick: Any
-    was_ahead: Any
-    held: Any
-    memory: dict[str, Any]
-    numbers: Any
-    flags: Any
-    observation: Any
+    target: Any  # `[N, h]` commanded angles of the servos [rad]
+    action: Any  # `[N, A]` the last action, after clipping
+    track_speed: Any  # `[N]` speed of the tracks at an action of 1 [m/s]
+    track_odometry: Any  # `[N]` position of the head by its tracks [m]
+    believed: Any  # `[N, 3]` pose of the head by dead reckoning [m, rad]
+    headed: Any  # `[N]` number of the place that the body believes to head for
+    start_head: Any  # `[N]` position of the head along the way at the start [m]
+    start_position: Any  # `[N, n, 3]` positions at the start [m]
+    start_mean: Any  # `[N]` mean position along the way at the start [m]
+    start_progress: Any  # `[N]` progress at the start
+    start_way: Any  # `[N]` way at the start [m]
+    progress: Any  # `[N]` progress at the last tick
+    tick: Any  # `[N]` ticks since the start
+    was_ahead: Any  # `[N]` whether the body was ever farther ahead of its tracks than a fall explains
+    held: Any  # `[N]` for how many ticks it has arrived
+    memory: dict[str, Any]  # what terms remember, name -> `[N, ...]`
+    numbers: Any  # `[N, K]` numbers of `info`
+    flags: Any  # `[N, F]` flags of `info`
+    observation: Any  # `[N, O]` the last observation
 
 
 class Course(NamedTuple):
-    """What all simulations have in common.
+    """What all simulations have in common."""
 
-    Attributes:
-        scene: arena and way.
-        goal: goal of the task.
-        ground: heights of the surface.
-        num: number of simulations.
-        dt: length of a tick [s].
-        criteria: limits of standing, rolling over and so on.
-    """
-
-    scene: Scene
-    goal: Any
-    ground: DeviceGround
-    num: int
-    dt: float
-    criteria: SuccessCriteria
+    scene: Scene  # arena and way
+    goal: Any  # goal of the task
+    ground: DeviceGround  # heights of the surface
+    num: int  # number of simulations
+    dt: float  # length of a tick [s]
+    criteria: SuccessCriteria  # limits of standing, rolling over and so on
 
 
 class DeviceState:

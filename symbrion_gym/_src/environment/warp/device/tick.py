@@ -150,31 +150,20 @@ class Reckoning:
 
 
 class Orders(NamedTuple):
-    """What is written to the physics before a tick.
+    """What is written to the physics before a tick."""
 
-    Attributes:
-        control: controls of the actuators.
-        surface: rates of what drives, about its axis [rad/s]; none where speeds do not change within an episode.
-    """
-
-    control: Float[jax.Array, "N nu"]
+    control: Float[jax.Array, "N nu"]  # controls of the actuators
+    # rates of what drives, about its axis [rad/s]; none where speeds do not change within an episode
     surface: Float[jax.Array, "N T"] | None
 
 
 class Ended(NamedTuple):
-    """How a tick ended.
+    """How a tick ended."""
 
-    Attributes:
-        episode: what lasts.
-        reward: of the tick.
-        terminated: whether the episode ended by what happened.
-        truncated: whether it was cut off.
-    """
-
-    episode: Episode
-    reward: Float[jax.Array, " N"]
-    terminated: Bool[jax.Array, " N"]
-    truncated: Bool[jax.Array, " N"]
+    episode: Episode  # what lasts
+    reward: Float[jax.Array, " N"]  # of the tick
+    terminated: Bool[jax.Array, " N"]  # whether the episode ended by what happened
+    truncated: Bool[jax.Array, " N"]  # whether it was cut off
 
 
 class DeviceTick:

@@ -29,8 +29,7 @@ from symbrion_gym._src.environment.warp.device.starts import StartingEnv, Starts
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
 
-_CLEARED = ("qvel", "qacc_warmstart")
-"""State that is 0 where an episode begins."""
+_CLEARED = ("qvel", "qacc_warmstart")  # State that is 0 where an episode begins
 
 
 class DeviceBatch(WarpBatch):
