@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from evolution._src.backends.scoring import Scoring
     from evolution._src.backends.settings import Randomization, RolloutConfig
     from evolution._src.champions.playback import ChampionPolicy, Recording, judge, play
-    from evolution._src.controllers.config import ControllerConfig
     from evolution._src.controllers.finding import find_controller
     from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
     from evolution._src.dispatch import evolve
@@ -32,7 +31,6 @@ __all__ = [
     "Champion",
     "ChampionPolicy",
     "Controller",
-    "ControllerConfig",
     "Evaluation",
     "Evaluator",
     "EvolutionConfig",

@@ -78,7 +78,7 @@ def test_ppo_submits_to_the_suite_what_it_has_learned() -> None:
 
     trials = task.make_trials(task.body, example.CONTROLLER, 1, EXAM_SEED)
     organism = trials.find_organism()
-    network = find_controller(example.CONTROLLER, organism, None, 6).controller
+    network = find_controller(example.CONTROLLER, organism, 6).controller
     envs = example.make_envs(task, trials, network, 0)
     model = example.PPO("MlpPolicy", envs, policy_kwargs=example.POLICY, seed=0, **example.SETTINGS)
     model.learn(1)

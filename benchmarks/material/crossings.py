@@ -13,7 +13,7 @@ from symbrion_gym._src.tasks.audit_checks import Trajectory
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
 """Knots of the posture along the course, from the middle of the pit [m]."""
-LAWS = ("posture of places", "reactive", "travelling")
+LAWS = ("posture of places", "reactive", "path")
 """Kinds of controllers: ours, with 12 knots, and two of `evolution`."""
 Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From observations `[P, O]` and x of the heads `[P]` [m] to actions `[P, h]`."""

@@ -134,16 +134,16 @@ def _summarize(envs: Any, seconds: float, ticks: int = TICKS) -> dict[str, float
 
 
 def measure_generation(genotypes: int = GENOTYPES, trials: int = TRIALS) -> dict[str, float]:
-    """Return the time of a generation of the travelling law, the first with compilation, and the shares of success."""
+    """Return the time of a generation of the path law, the first with compilation, and the shares of success."""
     from evolution._src.backends.rollout import simulate_on_device
     from evolution._src.backends.trials import Job, Trials, find_trial_controller
     from evolution._src.search.config import EvolutionConfig
 
-    config = EvolutionConfig(arena="truth", start="pit", controller="travelling")
+    config = EvolutionConfig(arena="truth", start="pit", controller="path")
     conditions = Trials(
         arena="truth",
         start="pit",
-        controller="travelling",
+        controller="path",
         count=trials,
         randomization=_find_unstretched(config),
     )

@@ -117,6 +117,6 @@ def test_where_jax_sees_no_gpu_only_the_physics_is_on_it(monkeypatch, stored):
         monkeypatch.setattr(module, "find_jax_device", refuse)
     assert benchmark.run(True, "cpu", worlds=(2,), only=("speed", "determinism"), arenas=("truth",)) == []
     assert stored["speed_numpy"]["array"] == stored["determinism"]["2 worlds"]["array"] == "numpy"
-    trials = Trials(arena="truth", modules=3, controller="travelling", count=1, duration=0.5, start="pit")
+    trials = Trials(arena="truth", modules=3, controller="path", count=1, duration=0.5, start="pit")
     genotype = np.zeros(len(find_trial_controller(trials).parameters))
     assert rollout.simulate_on_device([Job(genotype, trials)])[0].seconds > 0.0

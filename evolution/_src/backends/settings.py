@@ -10,7 +10,6 @@ import numpy as np
 
 from evolution._src.backends.scoring import check_descriptors
 from evolution._src.backends.stored_task import StoredTask, check_task
-from evolution._src.controllers.controller import ControllerConfig
 from evolution._src.controllers.finding import find_controller
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.controllers.protocol import Controller
@@ -69,7 +68,6 @@ class EpisodeConfig(metaclass=_TakesOptions):
             or "module:name"; see `find_controller`. Runs have "path" by default, with which a search from zero
             crosses the pit; single trials and an `Evaluator` have "reactive", whose eight genes fit any body and
             need no map; searches for bodies have "oscillators".
-        controller_config: parameters of the laws of ours that are not evolved.
         origin: genotype at which the search begins, "zero" (no knowledge) or "hint" (set by hand for the controller;
             then a sigma of 0.15 fits better).
     """
@@ -80,7 +78,6 @@ class EpisodeConfig(metaclass=_TakesOptions):
     goal: str | Point | None = None
     environment: Options = ()
     controller: Any = "path"
-    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
     origin: str = "zero"
 
     def __post_init__(self) -> None:
@@ -136,7 +133,7 @@ class EpisodeConfig(metaclass=_TakesOptions):
     def make_controller(self, organism: Organism) -> Controller:
         """Return the controller for a body."""
         num_tracks = count_tracks(self.track_control, organism.num_modules)
-        return find_controller(self.controller, organism, self.controller_config, num_tracks)
+        return find_controller(self.controller, organism, num_tracks)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,17 +5,13 @@ The only memory is how long ago each module last touched the ground, because con
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from evolution._src.controllers.config import NUM_KNOTS as NUM_KNOTS
-from evolution._src.controllers.config import ControllerConfig as ControllerConfig
-from evolution._src.controllers.config import OscillatorConfig
 from evolution._src.controllers.joints import Drive, Joints, find_joints, find_namespace, make_drive
 from evolution._src.controllers.laws import (
     NETWORK_INPUTS,
@@ -25,7 +21,6 @@ from evolution._src.controllers.laws import (
     path,
     posture,
     reactive,
-    travelling,
 )
 from evolution._src.controllers.oscillators import OscillatorController, make_oscillators
 from evolution._src.controllers.protocol import Controller as Controller
@@ -40,12 +35,21 @@ if TYPE_CHECKING:
 
 SENSORS = ("hinge_angle", "pitch", "contact")  # Sensors that every law reads
 HINGE_RANGE = ScoutConfig().hinge_range  # Largest angle of a hinge of the usual Scout to either side [rad]
+CONTACT_TIMEOUT = 15
+"""Ticks without contact after which a module counts as airborne: 0.3 s bridge the flicker of contact; a head that
+drives over an edge advances by 2.5 cm meanwhile."""
+MAX_AIRBORNE_TICKS = 175
+"""Ticks without contact (3.5 s) after which a module no longer keeps its raised posture: without a limit a raised head
+would never come down again."""
+NUM_KNOTS = 12  # Knots of `path`: 10 cm apart, finer than a module is long
+KNOTS = np.linspace(-0.55, 0.55, NUM_KNOTS)
+"""Positions of the knots from the middle of the pit [m]: they cover the pit and 0.3 m on either side."""
+NUM_HIDDEN = 4  # Hidden units of `network`: its search space has 37 genes
+GENE_BOUND = 1.5  # Largest absolute value of a gene, an angle [rad] or gain: nearly the range of a hinge
+WEIGHT_BOUND = 4.0  # Largest absolute value of a weight of `network`: more saturates its tanh
 REACTIVE_HINT = (-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6)
 """Hint for a search for a reactive law: lift what is in the air in front, keep the head level.
 Set by hand, close to what earlier searches had found; a genotype close to it crossed in 14 of 32 trials."""
-U_SHAPE_HINT = (0.0, -0.1, -0.3, -0.5, 0.2, 1.2, 0.8, -0.3, -1.0, -0.4, -0.1, 0.0)
-"""Hint for a search for a travelling posture: down at the near edge, up at the bottom, level at the far
-edge (paper, section III-A)."""
 
 
 class State(NamedTuple):
@@ -69,11 +73,10 @@ class LawController:
     law_parameters: tuple[str, ...]  # name of each gene of the law
     law: Law  # the function
     law_initial: tuple[float, ...]  # genes of the law at which a search with a hint begins
-    bound: float = ControllerConfig.gene_bound  # largest absolute value of a gene
+    bound: float = GENE_BOUND  # largest absolute value of a gene
     law_sensors: tuple[str, ...] = SENSORS  # the parts of an observation that the law reads
     # largest angle of a hinge to either side [rad]; actions are relative to it
     hinge_range: float = HINGE_RANGE
-    config: ControllerConfig = field(default_factory=ControllerConfig)  # parameters that are not evolved
     version: str = "1"  # raised when the law acts differently than before
 
     @property
@@ -144,8 +147,8 @@ class LawController:
             sensed["pitch"], sensed.get("roll")
         )
         ticks = (state.ticks_since_contact + 1) * (sensed["contact"] <= 0)
-        sensed["airborne"] = (ticks > self.config.contact_timeout).astype(float)
-        sensed["recent_contact"] = (ticks <= self.config.max_airborne_ticks).astype(float)
+        sensed["airborne"] = (ticks > CONTACT_TIMEOUT).astype(float)
+        sensed["recent_contact"] = (ticks <= MAX_AIRBORNE_TICKS).astype(float)
         return sensed, State(ticks)
 
     def check(self, genotypes: Float[np.ndarray, "*P G"]) -> None:
@@ -156,9 +159,7 @@ class LawController:
 OwnController = LawController | OscillatorController  # A controller of this package
 
 
-def make_law(
-    name: str, organism: Organism, config: ControllerConfig | None = None, num_tracks: int = 0
-) -> OwnController:
+def make_law(name: str, organism: Organism, num_tracks: int = 0) -> OwnController:
     """Make a law of ours for a body."""
     check_choice("controller", name, CONTROLLERS, RunError)
     if not organism.hinges and not num_tracks:
@@ -166,108 +167,41 @@ def make_law(
             f"a body of {format_count(organism.num_modules, 'module')} without a hinge has nothing to control; "
             "dock modules by their fronts, or make tracks part of the action: track_control='skid'"
         )
-    config = config or ControllerConfig()
-    body = {
-        "joints": find_joints(organism),
-        "drive": make_drive(organism, num_tracks, config.gene_bound),
-        "hinge_range": organism.scout.hinge_range,
-        "config": config,
-    }
-    return _MAKERS[name](organism, config, body)
+    joints, drive = find_joints(organism), make_drive(organism, num_tracks, GENE_BOUND)
+    hinge_range = organism.scout.hinge_range
+    if name == "oscillators":
+        return make_oscillators(joints, drive, GENE_BOUND, hinge_range, organism.scout.twist_range)
+    genes, law, initial, bound, sensors = _describe_law(name, organism)
+    return LawController(name, joints, drive, genes, law, initial, bound, sensors, hinge_range)
 
 
-def make_controller(name: str, modules: int, config: ControllerConfig | None = None) -> OwnController:
+def make_controller(name: str, modules: int) -> OwnController:
     """Make a law of ours for a snake; see `make_law`."""
     check_choice("controller", name, CONTROLLERS, RunError)
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
     from symbrion_gym._src.robot.organism import snake
 
-    return make_law(name, snake(modules), config)
+    return make_law(name, snake(modules))
 
 
-def _make_path(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
-    return _make_knotted("path", path, "slope", (0.0,) * NUM_KNOTS, organism, body)
+def _describe_law(
+    name: str, organism: Organism
+) -> tuple[tuple[str, ...], Law, tuple[float, ...], float, tuple[str, ...]]:
+    """Return genes, function, hint, bound and sensors of a law on a body."""
+    if name == "path":
+        genes = tuple(f"slope_at_{100 * x:+.0f}_cm" for x in KNOTS)
+        law = partial(path, knots=KNOTS, spacing=organism.scout.pitch)
+        return genes, law, (0.0,) * NUM_KNOTS, GENE_BOUND, (*SENSORS, "track_odometry")
+    if name == "reactive":
+        return REACTIVE_GENES, reactive, REACTIVE_HINT, GENE_BOUND, SENSORS
+    if name == "posture":
+        genes = tuple(f"hinge_{index}" for index in range(len(organism.hinges)))
+        return genes, posture, (0.0,) * len(genes), GENE_BOUND, SENSORS
+    units = range(NUM_HIDDEN)
+    genes = tuple(f"hidden_{unit}_{each}" for unit in units for each in NETWORK_INPUTS)
+    genes += (*(f"output_{unit}" for unit in units), "output_bias")
+    return genes, partial(network, num_hidden=NUM_HIDDEN), (0.0,) * len(genes), WEIGHT_BOUND, SENSORS
 
 
-def _make_reactive(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
-    return LawController(
-        name="reactive",
-        law_parameters=REACTIVE_GENES,
-        law=reactive,
-        law_initial=REACTIVE_HINT,
-        bound=config.gene_bound,
-        **body,
-    )
-
-
-def _make_travelling(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
-    return _make_knotted("travelling", travelling, "angle", U_SHAPE_HINT, organism, body)
-
-
-def _make_knotted(
-    name: str,
-    law: Callable[..., Float[np.ndarray, "P H"]],
-    quantity: str,
-    initial: tuple[float, ...],
-    organism: Organism,
-    body: dict[str, Any],
-) -> LawController:
-    """Make a controller whose genes are values of a quantity at knots along the course."""
-    config: ControllerConfig = body["config"]
-    knots = config.knots
-    return LawController(
-        name=name,
-        law_parameters=tuple(f"{quantity}_at_{100 * x:+.0f}_cm" for x in knots),
-        law=partial(law, knots=knots, spacing=organism.scout.pitch),
-        law_initial=initial,
-        bound=config.gene_bound,
-        law_sensors=(*SENSORS, "track_odometry"),
-        **body,
-    )
-
-
-def _make_posture(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
-    hinges = tuple(f"hinge_{index}" for index in range(len(organism.hinges)))
-    initial = (0.0,) * len(hinges)
-    return LawController(
-        name="posture",
-        law_parameters=hinges,
-        law=posture,
-        law_initial=initial,
-        bound=config.gene_bound,
-        **body,
-    )
-
-
-def _make_network(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
-    units = range(config.num_hidden)
-    weights = tuple(f"hidden_{unit}_{name}" for unit in units for name in NETWORK_INPUTS)
-    weights += (*(f"output_{unit}" for unit in units), "output_bias")
-    return LawController(
-        name="network",
-        law_parameters=weights,
-        law=partial(network, num_hidden=config.num_hidden),
-        law_initial=(0.0,) * len(weights),
-        bound=config.weight_bound,
-        **body,
-    )
-
-
-def _make_oscillators(
-    organism: Organism, config: ControllerConfig, body: dict[str, Any]
-) -> OscillatorController:
-    body = {name: body[name] for name in ("joints", "drive", "hinge_range")}
-    body["twist_range"] = organism.scout.twist_range
-    return make_oscillators(config.oscillators or OscillatorConfig(), config.gene_bound, **body)
-
-
-_MAKERS: dict[str, Callable[[Organism, ControllerConfig, dict[str, Any]], OwnController]] = {
-    "path": _make_path,
-    "reactive": _make_reactive,
-    "travelling": _make_travelling,
-    "posture": _make_posture,
-    "network": _make_network,
-    "oscillators": _make_oscillators,
-}
-CONTROLLERS = tuple(_MAKERS)  # Names of the controllers
+CONTROLLERS = ("path", "reactive", "posture", "network", "oscillators")  # Names of the laws

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from evolution._src.controllers.controller import CONTROLLERS, ControllerConfig, OwnController, make_law
+from evolution._src.controllers.controller import CONTROLLERS, OwnController, make_law
 from evolution._src.controllers.protocol import CheckedController, Controller
 from evolution._src.controllers.source import (
     ControllerSource,
@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 FIRST_VERSION = "1"  # Version of laws before they had one: records of these hold their name alone
 
 
-def find_controller(
-    spec: Any, organism: Organism, config: ControllerConfig | None = None, num_tracks: int = 0
-) -> Controller:
+def find_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> Controller:
     """Return the controller that something names, for a body.
 
     Args:
@@ -35,7 +33,6 @@ def find_controller(
             organism that returns one (it also gets `num_tracks` if it has a parameter of that name); "module:name" of
             any of these; what `refer_to_controller` returned.
         organism: body that it moves.
-        config: parameters of the laws of ours that are not evolved.
         num_tracks: number of track speeds in an action: 0 with the option `track_control` "constant", 1 with "body",
             one per module with "modules", two with "skid".
 
@@ -44,7 +41,7 @@ def find_controller(
     """
     if isinstance(spec, str) and ":" not in spec:
         check_choice("controller", spec, CONTROLLERS, RunError)
-        return make_law(spec, organism, config or ControllerConfig(), num_tracks)
+        return make_law(spec, organism, num_tracks)
     if isinstance(spec, OwnController | CheckedController):
         return spec
     num_actions = len(organism.servos) + num_tracks
@@ -69,7 +66,7 @@ def refer_to_controller(
     if isinstance(spec, str) and ":" not in spec:
         check_choice("controller", spec, CONTROLLERS, RunError)
         return spec
-    controller = find_controller(spec, organism, None, num_tracks)
+    controller = find_controller(spec, organism, num_tracks)
     if isinstance(controller, OwnController):
         return controller.name
     reference = getattr(controller, "source", None)
@@ -114,7 +111,6 @@ def controller_to_json(controller: Any) -> str | dict[str, Any]:
 def read_controller(
     content: Any,
     organism: Organism,
-    config: ControllerConfig | None = None,
     num_tracks: int = 0,
     allow: Collection[str] = (),
 ) -> Controller:
@@ -124,7 +120,7 @@ def read_controller(
     reference = _read_reference(content) if isinstance(content, Mapping) else content
     if isinstance(reference, ControllerSource):
         reference = reference.allow(allow)
-    return find_controller(reference, organism, config, num_tracks)
+    return find_controller(reference, organism, num_tracks)
 
 
 def _require_hashable(spec: Any) -> Any:

@@ -17,8 +17,7 @@ Sensed = Mapping[str, Float[Any, "P _"]]
 """Quantities by name, one column for each module or hinge.
 
 In addition to the sensors of the environment: "inclination_ahead", see `Joints`, and each 1 or 0: "airborne", a module
-without ground contact, and "recent_contact", one whose last contact is recent enough to keep a raised posture
-(`ControllerConfig`)."""
+without ground contact, and "recent_contact", one whose last contact is recent enough to keep a raised posture."""
 Law = Callable[[Sensed, Float[Any, "P G"], Joints], Float[Any, "P H"]]
 """From quantities and genotypes to hinge targets [rad]."""
 
@@ -52,30 +51,6 @@ def reactive(sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints) -> Flo
     return xp.where(joints.is_tail, target + tail_bias, target)
 
 
-def travelling(
-    sensed: Sensed,
-    genotype: Float[Any, "P G"],
-    joints: Joints,
-    knots: Float[Any, " G"],
-    spacing: float,
-) -> Float[Any, "P H"]:
-    """Keep a posture that is fixed to the ground: each hinge takes the angle of the place it passes.
-
-    Whatever angle the head has at a place, every hinge behind it takes there later (follow the leader). Angles are
-    joined linearly between knots along the course, 0 beyond them. The position of the head comes from the odometry
-    of its tracks (dead reckoning from the start on the map), the positions of the hinges from the pitch of the modules.
-    A hinge lies where the farther of its modules from the head begins; one that bends across the course stays straight.
-    """
-    xp = find_namespace(genotype)
-    reach = (spacing * xp.cos(sensed["pitch"])).T
-    behind = [xp.zeros_like(reach[0])] * len(reach)
-    for module in joints.order:
-        parent = joints.parents[module]
-        behind[module] = behind[parent] + joints.steps[module] * reach[parent]
-    places = sensed["track_odometry"] - xp.stack(behind).T[:, _find_far_modules(joints)]
-    return _interpolate(genotype, places, knots) * (np.abs(joints.along) * joints.share)
-
-
 def path(
     sensed: Sensed,
     genotype: Float[Any, "P G"],
@@ -86,9 +61,8 @@ def path(
     """Follow a path over the ground: each module takes the slope that the path has at its place.
 
     Slopes are joined linearly between knots along the course, 0 beyond them; a hinge takes the difference between the
-    slopes of the modules that it joins, as far as it bends along the course. In contrast to the angles of
-    `travelling`, a slope bends the body only locally and does not rotate distant parts, so that genes act
-    independently. Positions come from track odometry and pitch.
+    slopes of the modules that it joins, as far as it bends along the course. A slope bends the body only locally and
+    does not rotate distant parts, so that genes act independently. Positions come from track odometry and pitch.
     """
     xp = find_namespace(genotype)
     half = (0.5 * spacing * xp.cos(sensed["pitch"])).T
@@ -131,12 +105,6 @@ def network(
             activation = activation + weights[first + offset] * inputs[offset]
         target = target + weights[num_hidden * len(NETWORK_INPUTS) + unit] * xp.tanh(activation)
     return target
-
-
-def _find_far_modules(joints: Joints) -> np.ndarray:
-    """Return for each hinge the module of its two that is farther from the head in the tree."""
-    parents = np.array(joints.parents)
-    return np.where(parents[joints.own] == joints.ahead, joints.own, joints.ahead)
 
 
 def _interpolate(

@@ -30,7 +30,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from evolution._src.controllers.config import OscillatorConfig
 from evolution._src.controllers.joints import (
     GOAL_SENSOR,
     Drive,
@@ -43,6 +42,14 @@ from evolution._src.controllers.protocol import Structure
 from symbrion_gym._src.environment.config import SENSORS
 from symbrion_gym._src.robot.scout_constants import SIDES
 
+FREQUENCY = 0.25
+"""Frequency at a gene of 0 [Hz]; genes change it by factors of 0.35 to 2.8. At 0.25 Hz a servo of 0.8 rad/s follows
+amplitudes up to 0.5 rad."""
+COUPLING = (
+    4.0  # Rate at which phases approach their lags [1/s]: faster than the oscillation, slower than a tick
+)
+AMPLITUDE_RATE = 8.0  # Rate at which amplitudes approach theirs [1/s]; a body begins to move within a second
+DT = 0.02  # Length of a control tick [s], as that of the environment
 COMMON_GENES = ("log2_frequency", "pitch_ahead", "pitch_behind", "contact_feedback")
 """Genes of all hinges: frequency as a power of 2, gains on inclinations, and s [rad/s]."""
 SIDE_GENES = ("side_bias", "side_steering")
@@ -82,7 +89,6 @@ class OscillatorController:
     parent: Int[np.ndarray, " h"]
     hinge_range: float  # largest angle of a hinge to either side [rad]; actions are relative to it
     bound: float  # largest absolute value of a gene other than a lag
-    config: OscillatorConfig  # parameters that are not evolved
     twist_range: float = pi / 2  # largest angle of the rotation of an arm to either side [rad]
     name: str = "oscillators"  # name of the controller
     version: str = "1"  # raised when it acts differently than before
@@ -207,16 +213,16 @@ class OscillatorController:
     ) -> OscillatorState:
         """Return the state one tick later (explicit Euler)."""
         xp = find_namespace(lag)
-        dt, rate = self.config.dt, self.config.amplitude_rate
+        dt, rate = DT, AMPLITUDE_RATE
         lags = self._add_up(lag)
         phase = xp.where(state.has_begun, state.phase, state.clock - lags)
         is_root = self.parent == np.arange(len(self.parent))
         before = xp.where(is_root, state.clock, phase[:, self.parent])
         pull = xp.sin(before - phase - lag)
-        turn = 2.0 * pi * self.config.frequency * xp.exp2(gene["log2_frequency"])
-        change = turn + self.config.coupling * pull - gene["contact_feedback"] * touches * xp.cos(phase)
+        turn = 2.0 * pi * FREQUENCY * xp.exp2(gene["log2_frequency"])
+        change = turn + COUPLING * pull - gene["contact_feedback"] * touches * xp.cos(phase)
         for child in np.flatnonzero(~is_root):
-            change = add_to_column(change, self.parent[child], -(self.config.coupling * pull[:, child]))
+            change = add_to_column(change, self.parent[child], -(COUPLING * pull[:, child]))
         acceleration = rate * (rate / 4.0 * (amplitude - state.amplitude) - state.amplitude_rate)
         speed = state.amplitude_rate + dt * acceleration
         return OscillatorState(
@@ -237,17 +243,11 @@ class OscillatorController:
 
 
 def make_oscillators(
-    config: OscillatorConfig,
-    bound: float,
-    joints: Joints,
-    drive: Drive,
-    hinge_range: float,
-    twist_range: float = pi / 2,
+    joints: Joints, drive: Drive, bound: float, hinge_range: float, twist_range: float
 ) -> OscillatorController:
     """Make coupled oscillators for a body."""
     kinds = tuple(side for side in SIDES if side in joints.dock)
-    parents = _find_parents(joints)
-    return OscillatorController(joints, drive, kinds, parents, hinge_range, bound, config, twist_range)
+    return OscillatorController(joints, drive, kinds, _find_parents(joints), hinge_range, bound, twist_range)
 
 
 def _find_parents(joints: Joints) -> Int[np.ndarray, " h"]:

@@ -46,7 +46,7 @@ def test_jobs_of_several_bodies_and_starts_are_grouped():
     assert simulate(jobs, 1) == [simulate([job], 1)[0] for job in jobs]
 
 
-@pytest.mark.parametrize("law", ["reactive", "travelling"])
+@pytest.mark.parametrize("law", ["reactive", "path"])
 def test_the_single_environment_agrees_to_the_bit(law):
     controller = make_controller(law, 4)
     job = Job(np.array(controller.initial), replace(SHORT, controller=law))

@@ -81,7 +81,7 @@ def test_a_generation_runs_on_the_cpu_device(tmp_path):
         population_size=4,
         trials=1,
         generations=1,
-        controller="travelling",
+        controller="path",
         start="pit",
         environment={"pit": 0.2, "duration": 4.0},  # pyright: ignore[reportArgumentType]
         validation=Validation(rounds=(2,)),
@@ -95,7 +95,7 @@ def test_a_generation_runs_on_the_cpu_device(tmp_path):
         arena="truth",
         modules=3,
         trials=1,
-        controller="travelling",
+        controller="path",
         pit=0.2,
         duration=4.0,
         backend="warp",

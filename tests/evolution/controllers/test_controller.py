@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from evolution._src.controllers.controller import (
+    CONTACT_TIMEOUT,
     CONTROLLERS,
     HINGE_RANGE,
-    ControllerConfig,
+    KNOTS,
+    MAX_AIRBORNE_TICKS,
     make_controller,
 )
 from evolution._src.controllers.laws import REACTIVE_GENES
@@ -14,7 +16,6 @@ from evolution._src.errors import RunError
 from symbrion_gym._src.environment.config import EnvironmentConfig
 
 MODULES = 6
-CONFIG = ControllerConfig()
 STRUCTURE = {
     "hinge_angle": slice(0, 5),
     "pitch": slice(5, 11),
@@ -51,7 +52,7 @@ def test_a_population_acts_as_each_alone(name):
     rng = np.random.default_rng(1)
     genotypes = rng.uniform(-1, 1, (37, len(controller.parameters)))
     together, alone = controller.begin(37), [controller.begin(1) for _ in range(37)]
-    for tick in range(2 * CONFIG.contact_timeout):
+    for tick in range(2 * CONTACT_TIMEOUT):
         observation = make_observations(37, tick)
         actions, together = controller.act(observation, genotypes, STRUCTURE, together)
         assert actions.shape == (37, MODULES - 1)
@@ -84,11 +85,11 @@ def test_reactive_lifts_the_ends_that_hang_in_the_air_for_a_while():
     observation = np.zeros((1, SIZE))
     observation[0, STRUCTURE["contact"]] = [0, 0, 5, 0, 9, 0]
     genes = make_reactive(front_air=0.8, rear_air=-0.4)
-    assert not act("reactive", genes, observation, ticks=CONFIG.contact_timeout).any()
-    assert act("reactive", genes, observation, ticks=CONFIG.contact_timeout + 1)[0] == pytest.approx(
+    assert not act("reactive", genes, observation, ticks=CONTACT_TIMEOUT).any()
+    assert act("reactive", genes, observation, ticks=CONTACT_TIMEOUT + 1)[0] == pytest.approx(
         [0.8, 0.8, 0, 0, -0.4]
     )
-    assert not act("reactive", genes, observation, ticks=CONFIG.max_airborne_ticks + 1).any()
+    assert not act("reactive", genes, observation, ticks=MAX_AIRBORNE_TICKS + 1).any()
 
 
 def place_head(odometry: float) -> np.ndarray:
@@ -117,23 +118,11 @@ def test_a_head_that_is_raised_comes_down_again():
     assert not act("reactive", genes, hanging, ticks=round(4.0 / tick)).any()
 
 
-def test_travelling_holds_a_posture_fixed_to_the_ground():
-    genotype = np.zeros(12)
-    genotype[6] = 1.2
-    place = CONFIG.knots[6]
-    spacing = 0.1254
-    for hinge in range(5):
-        target = act("travelling", genotype, place_head(place + (hinge + 1) * spacing))[0]
-        assert np.argmax(target) == hinge
-        assert target[hinge] == pytest.approx(1.2)
-    assert not act("travelling", np.ones(12), place_head(-5.0)).any()
-
-
 def test_path_gives_each_module_the_slope_of_its_place():
     slopes = np.sin(np.arange(12))
     head = 0.52
     places = head - 0.1254 * np.arange(MODULES)
-    wanted = np.interp(places, CONFIG.knots, slopes, left=0.0, right=0.0)
+    wanted = np.interp(places, KNOTS, slopes, left=0.0, right=0.0)
     target = act("path", slopes, place_head(head))[0]
     assert target == pytest.approx(wanted[:-1] - wanted[1:])
     assert not act("path", np.ones(12), place_head(-5.0)).any()
@@ -147,7 +136,7 @@ def test_path_finds_steep_modules_close_together():
     observation = place_head(0.5)
     observation[0, STRUCTURE["pitch"]] = np.pi / 3
     slopes = np.linspace(-0.5, 0.6, 12)
-    wanted = np.interp(0.5 - 0.5 * 0.1254 * np.arange(MODULES), CONFIG.knots, slopes)
+    wanted = np.interp(0.5 - 0.5 * 0.1254 * np.arange(MODULES), KNOTS, slopes)
     assert act("path", slopes, observation)[0] == pytest.approx(wanted[:-1] - wanted[1:])
 
 
@@ -183,42 +172,9 @@ def test_a_search_can_begin_anywhere(name, modules):
 
 
 def test_refusals():
-    with pytest.raises(RunError, match="there are: path, reactive, travelling"):
+    with pytest.raises(RunError, match="there are: path, reactive, posture"):
         make_controller("psychic", 8)
     with pytest.raises(RunError, match="at least 2"):
         make_controller("reactive", 1)
     with pytest.raises(RunError, match="reads 5"):
         make_controller("posture", 6).check(np.zeros(7))
-
-
-def test_laws_follow_their_config():
-    config = ControllerConfig(contact_timeout=2, max_airborne_ticks=4, gene_bound=0.5, knot_range=(0.0, 1.1))
-    controller = make_controller("reactive", MODULES, config)
-    observation = np.zeros((1, SIZE))
-    observation[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
-    state, lifted = controller.begin(1), []
-    for _ in range(6):
-        action, state = controller.act(observation, make_reactive(front_air=0.8), STRUCTURE, state)
-        lifted.append(bool(action[0, 0]))
-    assert lifted == [False, False, True, True, False, False]
-    assert controller.upper == (0.5,) * 8
-    assert make_controller("path", MODULES, config).parameters[-1] == "slope_at_+110_cm"
-    assert len(make_controller("network", MODULES, ControllerConfig(num_hidden=2)).parameters) == 2 * 9 + 1
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        {"contact_timeout": -1},
-        {"max_airborne_ticks": 1.5},
-        {"knot_range": (0.5, -0.5)},
-        {"knot_range": (0.0,)},
-        {"num_hidden": 0},
-        {"gene_bound": 0.0},
-        {"weight_bound": np.inf},
-    ],
-)
-def test_configs_refuse(arguments):
-    (name,) = arguments
-    with pytest.raises(RunError, match=name):
-        ControllerConfig(**arguments)

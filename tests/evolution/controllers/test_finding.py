@@ -86,7 +86,7 @@ def test_makers_get_the_body_and_the_number_of_tracks():
         1,
         5,
     )
-    action, _ = find_controller(make_driving_wave, BODY, None, 10).act(
+    action, _ = find_controller(make_driving_wave, BODY, 10).act(
         np.zeros((2, 1)), np.ones(2), {}, np.zeros((2, 1))
     )
     assert action.shape == (2, 14)

@@ -18,7 +18,7 @@ NUM = 5
 def test_actions_are_those_of_numpy(law, body, tracks):
     organism = find_organism(EnvironmentConfig(**body), 0.7)
     n = organism.num_modules
-    controller = make_law(law, organism, None, 2 * n if tracks else 0)
+    controller = make_law(law, organism, 2 * n if tracks else 0)
     sizes = {"hinge_angle": len(organism.hinges), "track_odometry": 1, "goal_direction": 2}
     structure, first = {}, 0
     for name in controller.sensors:

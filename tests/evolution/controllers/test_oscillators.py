@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 from bodies import make_structure
 
-from evolution._src.controllers.config import ControllerConfig, OscillatorConfig
 from evolution._src.controllers.controller import make_law
 from evolution._src.controllers.oscillators import OscillatorController
-from evolution._src.errors import RunError
 from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 TICKS_PER_SECOND = 50
 
 
-def make_oscillators(organism: Organism, config: OscillatorConfig | None = None) -> OscillatorController:
-    controller = make_law("oscillators", organism, ControllerConfig(oscillators=config))
+def make_oscillators(organism: Organism) -> OscillatorController:
+    controller = make_law("oscillators", organism)
     assert isinstance(controller, OscillatorController)
     return controller
 
@@ -104,16 +102,6 @@ def test_contact_slows_the_phase_and_inclinations_bend():
     observation[0, structure["pitch"]] = [0.3, 0.2, 0.1]
     action, _ = controller.act(observation, genotype, structure, controller.begin(1))
     assert action[0] * np.pi / 2 == pytest.approx([0.3, 0.2])
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [{"frequency": 0.0}, {"coupling": -1.0}, {"amplitude_rate": np.inf}, {"dt": 0.0}, {"coupling": 99.0}],
-)
-def test_configs_refuse(arguments):
-    (name,) = arguments
-    with pytest.raises(RunError, match=name):
-        OscillatorConfig(**arguments)
 
 
 def test_arms_turn_with_the_phase_of_their_hinges():

@@ -85,7 +85,7 @@ def test_a_row_does_not_depend_on_others_to_the_bit(network):
 
 
 def test_it_is_found_by_its_name_for_a_body_with_and_without_driven_tracks():
-    driven = find_controller(NAME, read_organism("H"), None, 14)
+    driven = find_controller(NAME, read_organism("H"), 14)
     assert driven.name == "policy_network"
     assert len(driven.parameters) == len(PolicyNetwork(read_organism("H"), 14).parameters)
     undriven = PolicyNetwork(read_organism(3))

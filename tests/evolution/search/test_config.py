@@ -7,7 +7,6 @@ import pytest
 import toys
 
 from evolution._src.backends.settings import RolloutConfig
-from evolution._src.controllers.controller import ControllerConfig
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve
@@ -46,31 +45,21 @@ def test_configs_refuse(arguments):
         EvolutionConfig(**arguments)
 
 
-def test_parameters_of_controllers_and_rollouts_belong_to_a_run():
-    default = EvolutionConfig()
-    config = EvolutionConfig(
-        controller_config=ControllerConfig(num_hidden=2), rollout=RolloutConfig(stuck_time=3.0)
-    )
+def test_parameters_of_rollouts_belong_to_a_run():
+    default, rollout = EvolutionConfig(), RolloutConfig(stuck_time=3.0)
+    config = EvolutionConfig(rollout=rollout)
     assert EvolutionConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
     content = default.to_json()
-    former = {name: content[name] for name in content if name not in ("controller_config", "rollout")}
+    former = {name: content[name] for name in content if name != "rollout"}
     assert EvolutionConfig.from_json(former) == default
-    assert len({default.digest(), replace(default, rollout=config.rollout).digest(), config.digest()}) == 3
-
-
-def test_parameters_of_a_run_reach_its_trials_and_its_champion():
-    controller_config, rollout = ControllerConfig(num_hidden=2), RolloutConfig(stuck_time=3.0)
+    assert default.digest() != config.digest()
     seen = []
 
     def simulate(jobs, threads=1):
-        seen.extend((job.trials.controller_config, job.trials.rollout) for job in jobs)
+        seen.extend(job.trials.rollout for job in jobs)
         return toys.bowl(jobs, threads)
 
-    config = EvolutionConfig(
-        controller="network", generations=1, controller_config=controller_config, rollout=rollout
-    )
-    run = evolve(config, simulate=simulate)
-    assert set(seen) == {(controller_config, rollout)}
+    run = evolve(EvolutionConfig(controller="network", generations=1, rollout=rollout), simulate=simulate)
+    assert set(seen) == {rollout}
     assert run.champion is not None
-    assert run.champion.controller_config == controller_config
     assert Champion.from_dict(json.loads(json.dumps(run.champion.as_dict()))) == run.champion

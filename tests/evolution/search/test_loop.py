@@ -24,7 +24,7 @@ SPECIAL = replace(
     arena="simple",
     modules=5,
     seed=7,
-    controller="travelling",
+    controller="path",
     trials=4,
     randomization=Randomization(friction=(0.6, 0.7)),
     scoring=Scoring(success=2.0, effort=0.5, module=0.1),
@@ -40,7 +40,7 @@ def test_every_job_follows_the_configuration():
     for entry, job in zip(run.record.entries, observed.jobs, strict=True):
         trials = job.trials
         assert np.array_equal(job.genotype, entry.genotype)
-        assert (trials.arena, trials.modules, trials.controller) == ("simple", 5, "travelling")
+        assert (trials.arena, trials.modules, trials.controller) == ("simple", 5, "path")
         assert (trials.randomization, trials.environment) == (SPECIAL.randomization, (("pit", 0.3),))
         assert trials.count == entry.outcome.trials
         assert trials.count in ((6, 5) if entry.kind == VALIDATION else (4,))
@@ -51,7 +51,7 @@ def test_the_champion_follows_the_configuration():
     run = evolve(SPECIAL, simulate=toys.Observed())
     champion = run.champion
     assert champion is not None
-    assert (champion.arena, champion.modules, champion.controller) == ("simple", 5, "travelling")
+    assert (champion.arena, champion.modules, champion.controller) == ("simple", 5, "path")
     assert champion.environment == (("pit", 0.3),)
     assert len(champion.names) == len(champion.genotype) == NUM_KNOTS
     assert (champion.successes, champion.trials) == (11, 11)
