@@ -5,7 +5,6 @@ The only memory is how long ago each module last touched the ground, because con
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,7 +21,7 @@ from evolution._src.controllers.laws import (
     posture,
     reactive,
 )
-from evolution._src.controllers.oscillators import OscillatorController, make_oscillators
+from evolution._src.controllers.oscillators import OscillatorController
 from evolution._src.controllers.protocol import Controller as Controller
 from evolution._src.controllers.protocol import Structure as Structure
 from evolution._src.controllers.protocol import check_genotypes
@@ -59,61 +58,38 @@ class State(NamedTuple):
     ticks_since_contact: Int[Any, "P n"]
 
 
-@dataclass(frozen=True, eq=False)
 class LawController:
     """A law of ours on a body: it follows `Controller`.
 
     The genes of the tracks, where these are part of the action, come before those of the law: so a body that is
-    shorter than the genotype's reads its first genes.
+    shorter than the genotype's reads its first genes. Actions are relative to `hinge_range` [rad].
     """
 
-    name: str  # name of the law
-    joints: Joints  # the hinges of the body
-    drive: Drive  # its tracks
-    law_parameters: tuple[str, ...]  # name of each gene of the law
-    law: Law  # the function
-    law_initial: tuple[float, ...]  # genes of the law at which a search with a hint begins
-    bound: float = GENE_BOUND  # largest absolute value of a gene
-    law_sensors: tuple[str, ...] = SENSORS  # the parts of an observation that the law reads
-    # largest angle of a hinge to either side [rad]; actions are relative to it
-    hinge_range: float = HINGE_RANGE
-    version: str = "1"  # raised when the law acts differently than before
+    version = "1"  # raised when the law acts differently than before
 
-    @property
-    def modules(self) -> int:
-        """Number of modules of the body."""
-        return self.joints.num_modules
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """The parts of an observation that it reads."""
-        rolls = ("roll",) if self.joints.has_rolls else ()
-        return (*self.law_sensors, *rolls, *self.drive.sensors)
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Name of each gene."""
-        return self.drive.parameters + self.law_parameters
-
-    @property
-    def initial(self) -> tuple[float, ...]:
-        """Genotype at which a search with a hint begins."""
-        return self.drive.initial + self.law_initial
-
-    @property
-    def lower(self) -> tuple[float, ...]:
-        """Smallest value of each gene."""
-        return tuple(-value for value in self.upper)
-
-    @property
-    def upper(self) -> tuple[float, ...]:
-        """Largest value of each gene."""
-        drive, law = len(self.drive.parameters), len(self.law_parameters)
-        return (self.drive.bound,) * drive + (self.bound,) * law
+    def __init__(
+        self,
+        name: str,
+        joints: Joints,
+        drive: Drive,
+        hinge_range: float,
+        law: Law,
+        genes: tuple[str, ...],
+        initial: tuple[float, ...],
+        bound: float = GENE_BOUND,
+        sensors: tuple[str, ...] = SENSORS,
+    ) -> None:
+        self.name, self.joints, self.drive, self.law, self.hinge_range = name, joints, drive, law, hinge_range
+        self._law_sensors = (*sensors, "roll") if joints.has_rolls else sensors
+        self.sensors = (*self._law_sensors, *drive.sensors)
+        self.parameters = drive.parameters + genes
+        self.initial = drive.initial + initial
+        self.upper = (drive.bound,) * len(drive.parameters) + (bound,) * len(genes)
+        self.lower = tuple(-value for value in self.upper)
 
     def begin(self, count: int) -> State:
         """Return the state of `count` controllers before their first observation."""
-        return State(np.zeros((count, self.modules), dtype=np.int64))
+        return State(np.zeros((count, self.joints.num_modules), dtype=np.int64))
 
     def act(
         self,
@@ -139,9 +115,10 @@ class LawController:
         self, observation: Float[Any, "P O"], structure: Structure, state: State
     ) -> tuple[dict[str, Float[Any, "P _"]], State]:
         """Return what the law reads, and how long ago each module touched something."""
-        names = (*self.law_sensors, *(("roll",) if self.joints.has_rolls else ()))
         xp = find_namespace(observation)
-        sensed = {name: xp.asarray(observation[:, structure[name]], dtype=float) for name in names}
+        sensed = {
+            name: xp.asarray(observation[:, structure[name]], dtype=float) for name in self._law_sensors
+        }
         sensed["hinge_angle"] = sensed["hinge_angle"][:, : len(self.joints.own)]
         sensed["inclination_ahead"] = self.joints.compute_inclination_ahead(
             sensed["pitch"], sensed.get("roll")
@@ -167,12 +144,24 @@ def make_law(name: str, organism: Organism, num_tracks: int = 0) -> OwnControlle
             f"a body of {format_count(organism.num_modules, 'module')} without a hinge has nothing to control; "
             "dock modules by their fronts, or make tracks part of the action: track_control='skid'"
         )
-    joints, drive = find_joints(organism), make_drive(organism, num_tracks, GENE_BOUND)
-    hinge_range = organism.scout.hinge_range
+    body = find_joints(organism), make_drive(organism, num_tracks, GENE_BOUND), organism.scout.hinge_range
     if name == "oscillators":
-        return make_oscillators(joints, drive, GENE_BOUND, hinge_range, organism.scout.twist_range)
-    genes, law, initial, bound, sensors = _describe_law(name, organism)
-    return LawController(name, joints, drive, genes, law, initial, bound, sensors, hinge_range)
+        return OscillatorController(*body, organism.scout.twist_range, GENE_BOUND)
+    if name == "path":
+        genes = tuple(f"slope_at_{100 * x:+.0f}_cm" for x in KNOTS)
+        law = partial(path, knots=KNOTS, spacing=organism.scout.pitch)
+        sensors = (*SENSORS, "track_odometry")
+        return LawController(name, *body, law, genes, (0.0,) * NUM_KNOTS, sensors=sensors)
+    if name == "reactive":
+        return LawController(name, *body, reactive, REACTIVE_GENES, REACTIVE_HINT)
+    if name == "posture":
+        genes = tuple(f"hinge_{index}" for index in range(len(organism.hinges)))
+        return LawController(name, *body, posture, genes, (0.0,) * len(genes))
+    units = range(NUM_HIDDEN)
+    genes = tuple(f"hidden_{unit}_{each}" for unit in units for each in NETWORK_INPUTS)
+    genes += (*(f"output_{unit}" for unit in units), "output_bias")
+    law = partial(network, num_hidden=NUM_HIDDEN)
+    return LawController(name, *body, law, genes, (0.0,) * len(genes), WEIGHT_BOUND)
 
 
 def make_controller(name: str, modules: int) -> OwnController:
@@ -183,25 +172,6 @@ def make_controller(name: str, modules: int) -> OwnController:
     from symbrion_gym._src.robot.organism import snake
 
     return make_law(name, snake(modules))
-
-
-def _describe_law(
-    name: str, organism: Organism
-) -> tuple[tuple[str, ...], Law, tuple[float, ...], float, tuple[str, ...]]:
-    """Return genes, function, hint, bound and sensors of a law on a body."""
-    if name == "path":
-        genes = tuple(f"slope_at_{100 * x:+.0f}_cm" for x in KNOTS)
-        law = partial(path, knots=KNOTS, spacing=organism.scout.pitch)
-        return genes, law, (0.0,) * NUM_KNOTS, GENE_BOUND, (*SENSORS, "track_odometry")
-    if name == "reactive":
-        return REACTIVE_GENES, reactive, REACTIVE_HINT, GENE_BOUND, SENSORS
-    if name == "posture":
-        genes = tuple(f"hinge_{index}" for index in range(len(organism.hinges)))
-        return genes, posture, (0.0,) * len(genes), GENE_BOUND, SENSORS
-    units = range(NUM_HIDDEN)
-    genes = tuple(f"hidden_{unit}_{each}" for unit in units for each in NETWORK_INPUTS)
-    genes += (*(f"output_{unit}" for unit in units), "output_bias")
-    return genes, partial(network, num_hidden=NUM_HIDDEN), (0.0,) * len(genes), WEIGHT_BOUND, SENSORS
 
 
 CONTROLLERS = ("path", "reactive", "posture", "network", "oscillators")  # Names of the laws

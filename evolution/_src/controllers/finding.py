@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from evolution._src.controllers.controller import CONTROLLERS, OwnController, make_law
@@ -51,7 +50,7 @@ def find_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> Contr
     what = spec if isinstance(spec, str) else getattr(spec, "__qualname__", type(spec).__qualname__)
     made = CheckedController(make_from(found, organism, num_tracks, what), num_actions, spec=spec)
     with suppress(RunError):
-        return replace(made, source=find_source(spec, made.name, made.version))
+        made.source = find_source(spec, made.name, made.version)
     return made
 
 

@@ -23,7 +23,6 @@ References:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import pi
 from typing import Any, NamedTuple
 
@@ -77,59 +76,31 @@ class OscillatorState(NamedTuple):
     amplitude_rate: Float[Any, "P h"]  # its change [rad/s]
 
 
-@dataclass(frozen=True, eq=False)
 class OscillatorController:
-    """Coupled oscillators on a body: it follows `Controller`."""
+    """Coupled oscillators on a body: it follows `Controller`. Actions are relative to the ranges of joints [rad]."""
 
-    joints: Joints  # the hinges of the body
-    drive: Drive  # its tracks
-    # kinds of dockings with a hinge: the sides to which the modules with these hinges are docked
-    kinds: tuple[str, ...]
-    # next hinge of each hinge on the way to the head; itself where the clock is next
-    parent: Int[np.ndarray, " h"]
-    hinge_range: float  # largest angle of a hinge to either side [rad]; actions are relative to it
-    bound: float  # largest absolute value of a gene other than a lag
-    twist_range: float = pi / 2  # largest angle of the rotation of an arm to either side [rad]
-    name: str = "oscillators"  # name of the controller
-    version: str = "1"  # raised when it acts differently than before
+    name, version = "oscillators", "1"
 
-    @property
-    def can_steer(self) -> bool:
-        """Whether there are hinges on both sides."""
-        return {1.0, -1.0} <= set(self.joints.side.tolist())
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """The parts of an observation that it reads."""
-        steers = (self.can_steer or self.drive.can_turn) and GOAL_SENSOR in SENSORS
-        rolls = ("roll",) if self.joints.has_rolls else ()
-        return ("hinge_angle", "pitch", "contact", *rolls, *((GOAL_SENSOR,) if steers else ()))
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Name of each gene."""
-        sides = SIDE_GENES if self.can_steer else ()
-        own = KIND_GENES + TWIST_GENES * bool(self.joints.num_twists)
-        kinds = tuple(f"{gene}_{kind}" for kind in self.kinds for gene in own)
-        return (*self.drive.parameters, *COMMON_GENES, *sides, *kinds)
-
-    @property
-    def initial(self) -> tuple[float, ...]:
-        """Genotype at which a search with a hint begins."""
-        sides = (0.0, 1.0) if self.can_steer else ()
-        twists = (0.0,) * len(TWIST_GENES) * bool(self.joints.num_twists)
-        kinds = tuple(value for kind in self.kinds for value in (*_HINTS[kind], *twists))
-        return (*self.drive.initial, *(0.0,) * len(COMMON_GENES), *sides, *kinds)
-
-    @property
-    def upper(self) -> tuple[float, ...]:
-        """Largest value of each gene."""
-        return tuple(pi if name.startswith(_ANGLES) else self.bound for name in self.parameters)
-
-    @property
-    def lower(self) -> tuple[float, ...]:
-        """Smallest value of each gene."""
-        return tuple(-value for value in self.upper)
+    def __init__(
+        self, joints: Joints, drive: Drive, hinge_range: float, twist_range: float, bound: float
+    ) -> None:
+        self.joints, self.drive, self.hinge_range, self.twist_range = joints, drive, hinge_range, twist_range
+        self.parent = _find_parents(joints)
+        self.can_steer = {1.0, -1.0} <= set(joints.side.tolist())  # whether there are hinges on both sides
+        steers = (self.can_steer or drive.can_turn) and GOAL_SENSOR in SENSORS
+        rolls = ("roll",) if joints.has_rolls else ()
+        self.sensors = ("hinge_angle", "pitch", "contact", *rolls, *((GOAL_SENSOR,) if steers else ()))
+        sides = dict(zip(SIDE_GENES, (0.0, 1.0), strict=True)) if self.can_steer else {}
+        genes = (
+            dict(zip(drive.parameters, drive.initial, strict=True)) | dict.fromkeys(COMMON_GENES, 0.0) | sides
+        )
+        twists = TWIST_GENES if joints.num_twists else ()
+        for kind in (side for side in SIDES if side in joints.dock):
+            genes |= {f"{gene}_{kind}": value for gene, value in zip(KIND_GENES, _HINTS[kind], strict=True)}
+            genes |= {f"{gene}_{kind}": 0.0 for gene in twists}
+        self.parameters, self.initial = tuple(genes), tuple(genes.values())
+        self.upper = tuple(pi if gene.startswith(_ANGLES) else bound for gene in genes)
+        self.lower = tuple(-value for value in self.upper)
 
     def begin(self, count: int) -> OscillatorState:
         """Return the state of `count` controllers before their first observation."""
@@ -240,14 +211,6 @@ class OscillatorController:
             if self.parent[hinge] != hinge:
                 total = add_to_column(total, hinge, total[:, self.parent[hinge]])
         return total
-
-
-def make_oscillators(
-    joints: Joints, drive: Drive, bound: float, hinge_range: float, twist_range: float
-) -> OscillatorController:
-    """Make coupled oscillators for a body."""
-    kinds = tuple(side for side in SIDES if side in joints.dock)
-    return OscillatorController(joints, drive, kinds, _find_parents(joints), hinge_range, bound, twist_range)
 
 
 def _find_parents(joints: Joints) -> Int[np.ndarray, " h"]:

@@ -1,8 +1,7 @@
 """What a controller is: the protocol that laws of this package and controllers of users follow."""
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from math import isfinite
 from typing import Any, Protocol, runtime_checkable
 
@@ -149,29 +148,37 @@ _MEMBERS = ("name", "version", "sensors", "parameters", "lower", "upper", "initi
 """What a controller has."""
 
 
-@dataclass(frozen=True)
 class CheckedController:
     """A controller of a user: what it returns is checked, and its errors end the run instead of failing genotypes.
+
+    Args:
+        controller: the user's own.
+        num_actions: length of an action.
+        source: where it is found again; None where it cannot be.
+        spec: what the user gave.
 
     Raises:
         RunError: it lacks a member of `Controller`, or one is wrong.
     """
 
-    controller: Controller  # the user's own
-    num_actions: int  # length of an action
-    source: ControllerSource | None = None  # where it is found again; None where it cannot be
-    spec: Any = None  # what the user gave
-
-    def __post_init__(self) -> None:
-        missing = [name for name in _MEMBERS if not hasattr(self.controller, name)]
+    def __init__(
+        self, controller: Any, num_actions: int, source: ControllerSource | None = None, spec: Any = None
+    ) -> None:
+        missing = [name for name in _MEMBERS if not hasattr(controller, name)]
         if missing:
-            raise RunError(
-                f"controller {self.controller!r} lacks {', '.join(missing)}; see evolution.Controller"
-            )
+            raise RunError(f"controller {controller!r} lacks {', '.join(missing)}; see evolution.Controller")
         for member in ("name", "version"):
-            value = getattr(self.controller, member)
+            value = getattr(controller, member)
             if not isinstance(value, str) or not value:
-                raise RunError(f"{member} of controller {self.controller!r} is {value!r}; a text is needed")
+                raise RunError(f"{member} of controller {controller!r} is {value!r}; a text is needed")
+        self.controller, self.num_actions, self.source, self.spec = controller, num_actions, source, spec
+        self.name, self.version = controller.name, controller.version
+        # the pitch if it reads nothing, as environments observe something
+        self.sensors = tuple(map(str, controller.sensors)) or ("pitch",)
+        self.parameters = tuple(map(str, controller.parameters))
+        self.lower, self.upper, self.initial = (
+            tuple(map(float, getattr(controller, each))) for each in ("lower", "upper", "initial")
+        )
         for sensor in self.sensors:
             check_choice(f"sensors of controller {self.name!r}", sensor, SENSORS, RunError)
         self._check_bounds()
@@ -186,41 +193,6 @@ class CheckedController:
                     f"gene {gene!r} of controller {self.name!r} has lower {low}, initial {first} and upper {high}; "
                     "finite numbers in this order are needed"
                 )
-
-    @property
-    def name(self) -> str:
-        """Name of the controller."""
-        return self.controller.name
-
-    @property
-    def version(self) -> str:
-        """Its version."""
-        return self.controller.version
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """The parts of an observation that it reads; the pitch if it reads none, as environments observe something."""
-        return _as_tuple(self.controller.sensors, str) or ("pitch",)
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Name of each gene."""
-        return _as_tuple(self.controller.parameters, str)
-
-    @property
-    def lower(self) -> tuple[float, ...]:
-        """Smallest value of each gene."""
-        return _as_tuple(self.controller.lower, float)
-
-    @property
-    def upper(self) -> tuple[float, ...]:
-        """Largest value of each gene."""
-        return _as_tuple(self.controller.upper, float)
-
-    @property
-    def initial(self) -> tuple[float, ...]:
-        """Genotype at which a search with a hint begins."""
-        return _as_tuple(self.controller.initial, float)
 
     def begin(self, count: int) -> Any:
         """Return the state of `count` controllers before their first observation."""
@@ -260,7 +232,3 @@ class CheckedController:
 
     def _blame(self, method: str, error: Exception) -> RunError:
         return RunError(f"{method} of controller {self.name!r} failed: {type(error).__name__}: {error}")
-
-
-def _as_tuple(values: Sequence[Any], kind: type) -> tuple[Any, ...]:
-    return tuple(kind(value) for value in values)
