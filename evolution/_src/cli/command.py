@@ -28,6 +28,13 @@ class Command(abc.ABC):
     quiet: bool = False
     """Show no progress."""
 
+    def require_least(self, **least: float) -> None:
+        """Refuse options below the smallest value that makes sense; None is no value."""
+        for name, value in least.items():
+            given = getattr(self, name)
+            if given is not None and not given >= value:
+                raise UsageError(f"--{name.replace('_', '-')} {given} is too few; give {value} or more")
+
     def explain_interruption(self) -> str:
         """Return in a line how the work goes on after an interruption by the keyboard; empty where it does not."""
         return ""
@@ -59,8 +66,7 @@ class SeededCommand(Command):
         parent = getattr(super(), "__post_init__", None)
         if parent is not None:
             parent()
-        if self.seed < 0:
-            raise UsageError(f"--seed {self.seed} is negative; give 0 or more")
+        self.require_least(seed=0)
 
 
 def find_modules_here(*names: object) -> None:

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, cast
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution._src.search.bodies.genome import BodyGenome, make_row
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
     import evolution as ev
-    import symbrion_gym as sg
     from symbrion_gym._src.robot.organism import Organism
     from symbrion_gym._src.tasks.drivable_way import Pair
     from symbrion_gym._src.tasks.route import StartName
@@ -32,9 +30,8 @@ def warn_of_way(
     """Log one line if the way of a search over a scan leaves drivable ground; a task that fails says so itself."""
     if config.task != TASK or not isinstance(config.arena, str) or config.arena in NAMED_ARENAS:
         return
-    import symbrion_gym as sg
     from evolution._src.backends.trials import prepare_arena
-    from symbrion_gym._src.tasks.drivable_way import find_broken_traverse, propose_way
+    from symbrion_gym._src.tasks.drivable_way import find_broken_traverse
 
     arena, goal = prepare_arena(config.arena), config.goal
     assert isinstance(arena, sg.Arena)
@@ -46,10 +43,6 @@ def warn_of_way(
         way = find_broken_traverse(arena, smallest, largest, start, goal)
     except ArenaError:
         return
-    if way is None and isinstance(config, ev.BodyEvolutionConfig) and goal is None and isinstance(start, str):
-        refused, other = _find_refused(arena, largest.num_modules), propose_way(arena, largest)
-        if refused is not None and other is not None:
-            logger.warning("bodies that are too wide count as failed: %s; %s", refused, _name_way(other))
     if way is None:
         return
     if smallest.num_modules < largest.num_modules:
@@ -62,22 +55,6 @@ def warn_of_way(
         "many fail there, perhaps all; %s",
         *(TASK, way.start, way.finish, bodies, remedy),
     )
-
-
-def _find_refused(arena: sg.Arena, modules: int) -> str | None:
-    """Return why the task cannot be made for the widest body, modules side by side; None where it can.
-
-    Where no way is open each body takes one on the ground that it can drive on, which is the less the wider it is.
-    """
-    from symbrion_gym._src.tasks.starts import Start
-    from symbrion_gym._src.tasks.traverse import FarEnd
-
-    widest = make_row(1) if modules == 1 else BodyGenome(left=make_row(modules - 1))
-    try:
-        FarEnd().find(arena, widest.to_organism(), Start())
-    except ArenaError as error:
-        return str(error)
-    return None
 
 
 def _name_way(way: Pair) -> str:

@@ -73,7 +73,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     ("words", "message"),
     [
         (["fly"], "fly"),
-        (["survey", "truth", "--seed", "-1"], "-1 is negative"),
+        (["survey", "truth", "--seed", "-1"], "--seed -1 is too few"),
         (["survey", "truth", "--seed", "one"], "--seed"),
         (["survey", "nowhere"], "no arena 'nowhere'"),
         (["survey", "truth", "--out", "log.txt"], ".npz"),
@@ -92,7 +92,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["resume", "absent", "--seed", "1"], "--seed"),
         (["resume", "absent", "--backend", "cluster"], "cluster"),
         (["replay", "absent"], "contains no run"),
-        (["demo", "--seed", "-5"], "-5 is negative"),
+        (["demo", "--seed", "-5"], "--seed -5 is too few"),
     ],
 )
 def test_wrong_usage_is_one_line(

@@ -31,26 +31,6 @@ def test_one_line_names_the_way_and_the_remedy(stairs, caplog):
     assert not caplog.records
 
 
-def test_a_way_too_narrow_for_the_widest_body_is_warned_of(stairs, caplog, monkeypatch):
-    def refuse(self, arena, organism, start):
-        raise sg.ArenaError(f"no straight way of {organism.num_modules}")
-
-    monkeypatch.setattr("symbrion_gym._src.tasks.drivable_way.find_broken_traverse", lambda *_: None)
-    warn(stairs, "traverse")
-    assert not caplog.records
-    monkeypatch.setattr("symbrion_gym._src.tasks.traverse.FarEnd.find", refuse)
-    warn(stairs, "traverse")
-    (record,) = caplog.records
-    assert (
-        "bodies that are too wide count as failed: no straight way of 8; a straight way that can"
-        in record.getMessage()
-    )
-    assert "--start " in record.getMessage()
-    caplog.clear()
-    warn(stairs, "traverse", goal=(-0.2, 0.0))
-    assert not caplog.records
-
-
 @pytest.mark.parametrize("task", ["climb", "cross_gap", None])
 def test_tasks_whose_point_is_crossing_are_not_warned_of(stairs, caplog, task):
     warn(stairs, task)

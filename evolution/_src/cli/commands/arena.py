@@ -84,8 +84,7 @@ class Arena(SeededCommand):
             raise UsageError(
                 f"--accuracy {self.accuracy} is not a distance; give meters above 0, for example 0.003"
             )
-        if self.max_pieces is not None and self.max_pieces < 1:
-            raise UsageError(f"--max-pieces {self.max_pieces} is too few; give 1 or more")
+        self.require_least(max_pieces=1)
         if not np.isfinite(np.ravel(self.viewpoint)).all():
             raise UsageError(f"--viewpoint {self.viewpoint} is not finite; give positions in meters")
         if self.picture is not None:

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from evolution._src.cli.command import SeededCommand, UsageError, require_writable_folder
+from evolution._src.cli.command import SeededCommand, require_writable_folder
 from evolution._src.cli.console import Console
 from reconstruction._src.base.extras import require_extras
 
@@ -25,8 +25,7 @@ class Demo(SeededCommand):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_writable_folder(self.out, "--out")
-        if self.workers < 1:
-            raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
+        self.require_least(workers=1)
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion demo`", "scan", "report")

@@ -96,8 +96,7 @@ class Evolve(SeededCommand):
         super().__post_init__()
         find_modules_here(*(each for each in (self.task, self.controller, self.fitness) if ":" in str(each)))
         check_arena(self.arena)
-        if self.generations is not None and self.generations < 1:
-            raise UsageError(f"--generations {self.generations} is too few; give 1 or more")
+        self.require_least(generations=1)
         require_writable_folder(self.folder, "--folder")
         _check_goal(self.goal)
         if self.bodies is None:
@@ -227,8 +226,7 @@ class Resume(TrustingCommand):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_run(self.folder)
-        if self.workers < 1:
-            raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
+        self.require_least(workers=1)
 
     def explain_interruption(self) -> str:
         return describe_interruption(self.folder)

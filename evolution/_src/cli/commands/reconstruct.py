@@ -52,8 +52,7 @@ class Reconstruct(TileOptions, ScanCommand):
             require_own_archive(self.out, "--out", "header")
         if self.out.exists() and self.out.samefile(self.source):
             raise UsageError(f"--out {self.out} is the scan itself; give another name")
-        if self.units is not None and self.units < MINIMUM_UNITS:
-            raise UsageError(f"--units {self.units} is too few; give {MINIMUM_UNITS} or more")
+        self.require_least(units=MINIMUM_UNITS)
 
     def run(self, console: Console) -> dict[str, Any]:
         if self.tile is not None:

@@ -56,16 +56,13 @@ class Replay(SeededCommand, TrustingCommand):
         require_run(self.folder)
         if self.arena is not None:
             check_arena(self.arena)
-        if self.trials < 0:
-            raise UsageError(f"--trials {self.trials} is negative; give 0 or more")
+        self.require_least(trials=0, films=0)
         if self.video is not None:
             require_writable_file(self.video, "--video", (".mp4",))
         if self.page is not None:
             require_writable_file(self.page, "--page", (".html",))
             if not has_bodies(self.folder):
                 raise UsageError(f"--page {self.page}: {self.folder} is no search for bodies; leave it out")
-        if self.films < 0:
-            raise UsageError(f"--films {self.films} is negative; give 0 or more")
 
     def run(self, console: Console) -> dict[str, Any]:
         """Judge, record and show the champion."""

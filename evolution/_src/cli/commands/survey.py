@@ -57,12 +57,9 @@ class Survey(SeededCommand):
         require_writable_file(self.out, "--out", (".npz",))
         if self.out == Survey.out:
             require_own_archive(self.out, "--out", "ranges")
+        self.require_least(beams=2, noise=0)
         if not 0 < self.speed < np.inf:
             raise UsageError(f"--speed {self.speed} must be above 0")
-        if not 0 <= self.noise < np.inf:
-            raise UsageError(f"--noise {self.noise} must be 0 or more")
-        if self.beams < 2:
-            raise UsageError(f"--beams {self.beams} is too few for a scan; give 2 or more")
         if self.path is not None:
             read_path(self.path)
 

@@ -42,9 +42,7 @@ class Swarm(SeededCommand, TrustingCommand):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_writable_folder(self.out, "--out")
-        for option, least in (("robots", 2), ("workers", 1)):
-            if getattr(self, option) < least:
-                raise UsageError(f"--{option} {getattr(self, option)} is too few; give {least} or more")
+        self.require_least(robots=2, workers=1)
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion swarm`", "report")

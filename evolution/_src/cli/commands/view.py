@@ -56,8 +56,7 @@ class View(SeededCommand):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_arena(self.arena)
-        if self.modules < 1:
-            raise UsageError(f"--modules {self.modules} is no robot; give 1 or more")
+        self.require_least(modules=1)
         if not self.layers:
             raise UsageError("--layers is empty; give at least one of surface, contact, drivable, route")
         if self.picture is not None:
