@@ -46,24 +46,6 @@ def make_reactive(**genes: float) -> np.ndarray:
     return np.array([genes.get(name, 0.0) for name in REACTIVE_GENES])
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_a_population_acts_as_each_alone(name):
-    controller = make_controller(name, MODULES)
-    rng = np.random.default_rng(1)
-    genotypes = rng.uniform(-1, 1, (37, len(controller.parameters)))
-    together, alone = controller.begin(37), [controller.begin(1) for _ in range(37)]
-    for tick in range(2 * CONTACT_TIMEOUT):
-        observation = make_observations(37, tick)
-        actions, together = controller.act(observation, genotypes, STRUCTURE, together)
-        assert actions.shape == (37, MODULES - 1)
-        assert np.abs(actions).max() <= 1.0
-        for row in range(37):
-            action, alone[row] = controller.act(
-                observation[row : row + 1], genotypes[row], STRUCTURE, alone[row]
-            )
-            assert np.array_equal(action[0], actions[row])
-
-
 def test_reactive_biases():
     target = act("reactive", make_reactive(bias=0.1, head_bias=0.2, tail_bias=-0.3))[0]
     assert target == pytest.approx([0.3, 0.1, 0.1, 0.1, -0.2])
@@ -154,21 +136,6 @@ def test_network_is_nothing_without_weights_and_a_bias_with_one():
     size = len(make_controller("network", MODULES).parameters)
     assert not act("network", np.zeros(size), make_observations(1)).any()
     assert act("network", np.eye(size)[-1] * 0.7, make_observations(1))[0] == pytest.approx([0.7] * 5)
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.parametrize("modules", [2, 5, 10])
-def test_a_search_can_begin_anywhere(name, modules):
-    controller = make_controller(name, modules)
-    sizes = {
-        len(controller.parameters),
-        len(controller.lower),
-        len(controller.upper),
-        len(controller.initial),
-    }
-    assert len(sizes) == 1
-    assert len(set(controller.parameters)) == len(controller.parameters)
-    assert np.all(np.abs(controller.initial) < controller.upper)
 
 
 def test_refusals():

@@ -22,49 +22,33 @@ def find_body(name: str, control: str) -> tuple[Organism, int]:
 
 
 @pytest.mark.parametrize("law", CONTROLLERS)
-@pytest.mark.parametrize(("name", "control"), BODIES)
-def test_a_population_on_a_tree_acts_as_each_alone(law, name, control):
-    organism, num_tracks = find_body(name, control)
-    controller = make_law(law, organism, num_tracks)
-    structure, _ = make_structure(organism)
-    genotypes = np.random.default_rng(0).uniform(
-        controller.lower, controller.upper, (COUNT, len(controller.lower))
-    )
-    together, alone = controller.begin(COUNT), [controller.begin(1) for _ in range(COUNT)]
-    for tick in range(20):
-        observation = make_observations(organism, COUNT, tick)
-        actions, together = controller.act(observation, genotypes, structure, together)
-        assert actions.shape == (COUNT, len(organism.hinges) + num_tracks)
-        assert np.abs(actions).max(initial=0.0) <= 1.0
-        for row in range(COUNT):
-            rows = slice(row, row + 1)
-            action, alone[row] = controller.act(observation[rows], genotypes[rows], structure, alone[row])
-            assert np.array_equal(action[0], actions[row])
-
-
-@pytest.mark.parametrize("law", CONTROLLERS)
-@pytest.mark.parametrize(("name", "control"), BODIES)
-def test_a_search_can_begin_on_any_tree(law, name, control):
-    organism, num_tracks = find_body(name, control)
-    controller = make_law(law, organism, num_tracks)
-    assert isinstance(controller, Controller)
-    assert len(set(controller.parameters)) == len(controller.parameters)
-    sizes = {len(each) for each in (controller.lower, controller.upper, controller.initial)}
-    assert sizes == {len(controller.parameters)}
-    assert np.all(np.less(controller.lower, controller.upper))
-    assert np.all(np.abs(controller.initial) <= controller.upper)
-
-
-@pytest.mark.parametrize("law", CONTROLLERS)
-@pytest.mark.parametrize("name", TREES)
-def test_laws_read_what_they_name_and_what_a_robot_senses(law, name):
-    controller = make_law(law, TREES[name], 2 * TREES[name].num_modules)
-    assert set(controller.sensors) <= {*SENSORS, "goal_direction"} - {"odometry", "goal"}
-    structure, _ = make_structure(TREES[name])
-    named = {sensor: structure[sensor] for sensor in controller.sensors}
-    observation = make_observations(TREES[name], 2, 0)
-    genotype = np.ones((2, len(controller.parameters)))
-    controller.act(observation, genotype, named, controller.begin(2))
+def test_a_population_on_any_tree_acts_as_each_alone(law):
+    """It reads no more than it names, and what a robot senses; a search can begin at its hint."""
+    for name, control in BODIES:
+        organism, num_tracks = find_body(name, control)
+        controller = make_law(law, organism, num_tracks)
+        assert isinstance(controller, Controller)
+        assert len(set(controller.parameters)) == len(controller.parameters)
+        sizes = {len(each) for each in (controller.lower, controller.upper, controller.initial)}
+        assert sizes == {len(controller.parameters)}
+        assert np.all(np.less(controller.lower, controller.upper))
+        assert np.all(np.abs(controller.initial) <= controller.upper)
+        assert set(controller.sensors) <= {*SENSORS, "goal_direction"} - {"odometry", "goal"}
+        everything, _ = make_structure(organism)
+        structure = {sensor: everything[sensor] for sensor in controller.sensors}
+        genotypes = np.random.default_rng(0).uniform(
+            controller.lower, controller.upper, (COUNT, len(controller.lower))
+        )
+        together, alone = controller.begin(COUNT), [controller.begin(1) for _ in range(COUNT)]
+        for tick in range(20):
+            observation = make_observations(organism, COUNT, tick)
+            actions, together = controller.act(observation, genotypes, structure, together)
+            assert actions.shape == (COUNT, len(organism.hinges) + num_tracks)
+            assert np.abs(actions).max(initial=0.0) <= 1.0
+            for row in range(COUNT):
+                rows = slice(row, row + 1)
+                action, alone[row] = controller.act(observation[rows], genotypes[rows], structure, alone[row])
+                assert np.array_equal(action[0], actions[row])
 
 
 def make_reactive(**genes: float) -> np.ndarray:
