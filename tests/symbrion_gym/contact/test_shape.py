@@ -8,12 +8,23 @@ from scanned_surface import cut_irregular, make_scanned_surface
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.mesh_repair import repair_mesh
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.contact.solid import close_downwards, close_holes, find_shape, take_top, thicken
+from symbrion_gym._src.contact.shape import close_holes, find_shape, take_top
 
 
 @pytest.fixture(scope="module")
 def terrain():
     return repair_mesh(cut_irregular(make_scanned_surface(Course().profile(), num_vertices=900), 0.3))
+
+
+def close_downwards(mesh, depth):
+    """Return the terrain with walls down from its rim and a flat underside."""
+    count, below = len(mesh.vertices), np.array(mesh.vertices)
+    below[:, 2] = below[:, 2].min() - depth
+    edges = mesh.edges[trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)]
+    near = np.column_stack([edges[:, ::-1], edges[:, 0] + count])
+    far = np.column_stack([edges[:, 1], edges + count])
+    faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, near, far])
+    return trimesh.Trimesh(np.concatenate([mesh.vertices, below]), faces, process=False)
 
 
 def make_tunnel():
@@ -23,17 +34,6 @@ def make_tunnel():
     return trimesh.Trimesh(
         np.stack([np.cos(angle), y, np.sin(angle)], -1).reshape(-1, 3), faces[:, ::-1], process=False
     )
-
-
-def test_a_terrain_becomes_a_closed_solid(terrain):
-    solid = close_downwards(terrain, 0.2)
-    assert solid.is_watertight
-    assert solid.is_winding_consistent
-    assert solid.volume > 0.2 * 0.8 * 12
-
-
-def test_thickened_surface_is_closed(terrain):
-    assert thicken(terrain, 0.05).is_watertight
 
 
 def test_shapes(terrain):
