@@ -31,6 +31,9 @@ _MAX_VERTICES = 28
 """A patch has no more vertices: with those behind the surface, twice as many make a solid, and MuJoCo's
 contacts slow down with more than 64."""
 _DEPTH_SHARE = 0.5  # A convex patch may bulge by this share of its thickness
+_STEPS = (0.05, 0.3, 1.0)
+"""Shares of the tolerance at which all neighbors are tried, the finest first: so that what fits exactly is
+joined before what fits loosely."""
 _THICKNESS = 0.03
 """Of the solid where nothing lies behind the surface [m]: more than a robot sinks in during a few steps; beams that
 pass a boundary of the surface meet the sides of thicker ones."""
@@ -140,24 +143,25 @@ def join_faces(
     order = _order_edges(mesh)
     owner = np.arange(len(mesh.faces))
     vertices, count = np.asarray(mesh.vertices), len(owner)
-    failed: set[tuple[int, int]] = set()
-    has_joined = True
-    while has_joined:
-        has_joined = False
-        for first, second in order:
-            a, b = _find_root(owner, first), _find_root(owner, second)
-            # Numbers of patches are used once: a pair that failed is tried again when either has grown.
-            pair = (patches[a].number, patches[b].number)
-            if a == b or pair in failed:
-                continue
-            joined = _join(patches[a], patches[b], vertices, tolerance, count)
-            if joined is None:
-                failed.add(pair)
-                continue
-            count += 1
-            patches[a], has_joined = joined, True
-            del patches[b]
-            owner[b] = a
+    for share in _STEPS:
+        failed: set[tuple[int, int]] = set()
+        has_joined = True
+        while has_joined:
+            has_joined = False
+            for first, second in order:
+                a, b = _find_root(owner, first), _find_root(owner, second)
+                # Numbers of patches are used once: a pair that failed is tried again when either has grown.
+                pair = (patches[a].number, patches[b].number)
+                if a == b or pair in failed:
+                    continue
+                joined = _join(patches[a], patches[b], vertices, share * tolerance, count)
+                if joined is None:
+                    failed.add(pair)
+                    continue
+                count += 1
+                patches[a], has_joined = joined, True
+                del patches[b]
+                owner[b] = a
     return [np.sort(patch.faces) for patch in patches.values()]
 
 

@@ -1,7 +1,7 @@
 """Planes in a noisy triangle mesh: what a decomposition is given decides how accurate it gets.
 
-Regions grow from the flattest places, then neighbors that one plane fits as well are joined. Every fit is a sum of face
-moments, so that noise averages out over a whole region.
+Regions grow from the flattest places, then faces between two regions move to the plane that fits them better.
+Every fit is a sum of face moments, so that noise averages out over a whole region.
 
 References:
     Schnabel, Wahl, Klein (2007), Efficient RANSAC for point-cloud shape detection, section 4: the consensus
@@ -31,7 +31,12 @@ _MAX_PLANES = 400  # No more are looked for; a mesh with more is rough ground, f
 _MIN_FACES = 6.0  # A plane has the area of this many median faces, within `min_area` and `max_min_area`
 _MIN_AREA = 1e-3  # Share of the whole area that a plane has at least
 _MAX_MIN_AREA = 0.03  # Share of the whole area that always suffices for a plane
-_MAX_ROUNDS = 12  # Of growing one region, which ends by itself earlier
+_MAX_ROUNDS = 12  # Of growing one region, and of moving faces between regions; both end by themselves earlier
+_NEIGHBOR_COST = 0.25
+"""What a neighbor on another plane costs a face, in squared reaches: keeps borders short."""
+_TILT_COST = 2.0  # What a face costs that is turned by more than the largest angle, likewise
+_MAX_DISTANCE_COST = 4.0  # What a distance costs at most, likewise: one bad face does not decide
+_NO_PLANE_COST = 1.5  # What a face without a plane costs, likewise
 _BORDER_WEIGHT = 0.02  # Faces at the border of a region count this much: they may lie on a chamfer
 _MERGE_DEVIATION = 0.3  # Two planes are one if its deviation stays below this share of the tolerance
 _MERGE_NOISE = 0.5  # ... or below this share of the noise.
@@ -75,6 +80,7 @@ def find_planes(mesh: trimesh.Trimesh, tolerance: float) -> Planes:
             labels[members] = count
             count += 1
     if count:
+        labels = surface.relabel(labels, count, reach)
         labels = surface.merge(labels, reach / _NOISE_REACH, tolerance)
         labels = surface.drop_chamfers(labels, float(np.median(mesh.edges_unique_length)))
     kept, labels = np.unique(np.append(labels, -1), return_inverse=True)
@@ -188,6 +194,41 @@ class _FaceSurface:
         members = np.flatnonzero(is_member)
         _, part = connected_components(self.adjacency[members][:, members], directed=False)
         return members[part == part[np.searchsorted(members, seed)]]
+
+    def relabel(self, labels: Labels, count: int, reach: float) -> Labels:
+        """Let each face move to the plane of a neighbor that fits it better (iterated conditional modes)."""
+        rows, degrees = np.arange(len(labels)), np.diff(self.adjacency.indptr)
+        slots = np.arange(len(self.adjacency.indices)) - np.repeat(self.adjacency.indptr[:-1], degrees)
+        owner, is_used = np.repeat(rows, degrees), slots < 3
+        faces = np.full((len(labels), 4), -1)  # each face and its neighbors, -1 where there are fewer
+        faces[:, 0] = rows
+        faces[owner[is_used], 1 + slots[is_used]] = self.adjacency.indices[is_used]
+        for _ in range(_MAX_ROUNDS):
+            candidate = np.where(faces >= 0, labels[faces], -1)
+            cost = self._cost(*self.fit_regions(labels, count), candidate, reach)
+            # Potts: every neighbor of another plane costs as much as half the reach (0.25 of its square).
+            differs = (candidate[:, :, None] != candidate[:, None, 1:]) & (faces[:, None, 1:] >= 0)
+            moved = candidate[rows, np.argmin(cost + _NEIGHBOR_COST * differs.sum(axis=2), axis=1)]
+            if np.array_equal(moved, labels):
+                break
+            labels = moved
+        return labels
+
+    def _cost(
+        self,
+        normals: Float[np.ndarray, "R 3"],
+        offsets: Float[np.ndarray, " R"],
+        candidate: Int[np.ndarray, "F K"],
+        reach: float,
+    ) -> Float[np.ndarray, "F K"]:
+        """Return what it costs each face to be on each candidate plane (-1: on none)."""
+        homogeneous = np.concatenate([normals, -offsets[:, None]], axis=1)[candidate]
+        square = np.einsum("fij,fki,fkj->fk", self.moments, homogeneous, homogeneous)
+        square = np.maximum(square, 0.0) / np.maximum(self.areas, _LEAST_MASS)[:, None]
+        tilt = 1.0 - np.einsum("fki,fi->fk", normals[candidate], self.normals)
+        cost = np.minimum(square / reach**2, _MAX_DISTANCE_COST) + tilt
+        cost = cost + _TILT_COST * (tilt > 1.0 - self._min_cosine)
+        return np.where(candidate < 0, _NO_PLANE_COST, cost)
 
     def fit_regions(
         self, labels: Labels, count: int

@@ -40,6 +40,8 @@ _JOIN_ACCURACY = 0.5  # Slabs are joined within this share of the accuracy
 _MAX_LIFT = 0.5  # A joint may lie above other ground by this share of the accuracy it is joined within
 _EVERYWHERE = np.zeros((0, 3))  # Bounds of a cell without any
 _MAX_UNCOVERED = 0.02  # Share of a joint that may be without ground, beyond what its parts have
+_PREVIEW_POINTS = 250  # Points of a joint on which a hopeless one is recognized
+_PREVIEW_SLACK = 2.0  # A joint is hopeless where its error on them is this many times too large
 _NEIGHBOR_REACH = 3.0  # Slabs this close are neighbors, in spacings of the points
 
 
@@ -229,6 +231,10 @@ def _join(ground: Ground, first: Slab, second: Slab, accuracy: float) -> Slab | 
     members = np.concatenate([first.members, second.members])
     allowed = _allow(min(len(first.members), len(second.members)))
     limit = first.excess + second.excess + allowed
+    step = max(len(members) // _PREVIEW_POINTS, 1)
+    preview = step * _cap(ground, _EVERYWHERE, members[::step], accuracy).excess
+    if preview > _PREVIEW_SLACK * limit + 2 * step:
+        return None
     outline = compute_hull_outline(np.concatenate([first.outline, second.outline]))
     if outline is None:
         return None
