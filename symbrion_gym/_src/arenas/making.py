@@ -116,7 +116,7 @@ def make_arena(
     """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
 
     A terrain of few planes becomes slabs, rough ground a height field, any other surface convex patches of its own,
-    thickened away from free space; coacd decomposes what is a solid where that gives as good a result. The arena's
+    thickened away from free space; coacd decomposes a closed body where that gives as good a result. The arena's
     `kind` is "hfield" where a height field was chosen. `Arena.quality` says what was reached, `Arena.provenance` how:
     `passes`, `accuracy`, `is_reached`, `worst`, `warnings`, and `cut`, what of the surface was cut off before.
 

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from constants import with_constants
 
-from symbrion_gym._src.contact import visibility
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.contact.visibility import (
@@ -40,17 +38,14 @@ def sample(count: int = 3000) -> np.ndarray:
     return np.asarray(trimesh.sample.sample_surface(ROOM, count, seed=3)[0])
 
 
-def test_walls_that_grow_away_from_the_scanner_keep_every_beam():
-    seen = measure_visibility(sample(), CENTER, None, make_walls(0.2), ROOM)
-    assert (seen.beams_contact, seen.beams_surface, seen.free_space) == (1.0, 1.0, 0.0)
-    assert seen.num_beams == 3000
-
-
-def test_walls_that_grow_towards_the_scanner_end_every_beam_early():
-    seen = measure_visibility(sample(), CENTER, None, make_walls(-0.5), ROOM)
-    assert seen.beams_contact == 0.0
-    assert seen.beams_surface == 1.0
-    assert 0.1 < seen.free_space < 0.3
+@pytest.mark.parametrize(
+    ("thickness", "beams", "free_space"), [(0.2, 1.0, 0.0), (-0.5, 0.0, 0.2), (None, 0.0, 0.0)]
+)
+def test_walls_may_grow_away_from_the_scanner_only(thickness, beams, free_space):
+    walls = [] if thickness is None else make_walls(thickness)
+    seen = measure_visibility(sample(), CENTER, None, walls, ROOM)
+    assert (seen.beams_contact, seen.beams_surface, seen.num_beams) == (beams, 1.0, 3000)
+    assert seen.free_space == pytest.approx(free_space, abs=0.1 if free_space else 0.0)
 
 
 @pytest.mark.parametrize(("depth", "share"), [(0.04, 1.0), (0.06, 0.0)])
@@ -61,29 +56,11 @@ def test_a_beam_ends_within_five_centimeters(depth, share):
     assert seen.beams_contact == share
 
 
-def test_solid_share_of_one_beam_is_the_share_of_its_length():
-    slab = [make_box([0.4, -1, -1], [0.8, 1, 1])]
-    with with_constants(visibility, samples=1000, end_share=1.0, end_margin=0.0):
-        seen = measure_visibility(np.array([[2.0, 0.0, 0.0]]), CENTER, None, slab, ROOM)
-    assert seen.free_space == pytest.approx(0.4 / 2.0, abs=2e-3)
-
-
-def test_free_space_ends_before_the_reading():
-    wall = [make_box([1.91, -1, -1], [2.5, 1, 1])]
-    seen = measure_visibility(np.array([[2.0, 0.0, 0.0]]), CENTER, None, wall, ROOM)
-    assert seen.free_space == 0.0
-
-
 def test_a_scanner_inside_a_piece_sees_nothing():
     pieces = [*make_walls(0.2), make_box([-0.5] * 3, [0.5] * 3)]
     seen = measure_visibility(sample(), CENTER, None, pieces, ROOM)
     assert seen.beams_contact == 0.0
     assert seen.free_space > 0.1
-
-
-def test_no_contact_ends_no_beam():
-    seen = measure_visibility(sample(), CENTER, None, [], ROOM)
-    assert (seen.beams_contact, seen.beams_surface, seen.free_space) == (0.0, 1.0, 0.0)
 
 
 def test_height_field_is_solid_below():

@@ -9,6 +9,7 @@ from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.contact import builder
 from symbrion_gym._src.contact.builder import make_contact
+from symbrion_gym._src.contact.distances import compute_depths
 from symbrion_gym._src.contact.kinds import ContactOptions
 
 ACCURACY = 0.005
@@ -17,6 +18,13 @@ ACCURACY = 0.005
 @pytest.fixture(scope="module")
 def mesh() -> trimesh.Trimesh:
     return repair_mesh(make_scanned_surface(Course().profile(), num_vertices=1500, noise=0.002))
+
+
+@pytest.fixture
+def dense(monkeypatch):
+    """Look for a height field from one piece a square meter on, and make no slabs, which take long here."""
+    monkeypatch.setattr(builder, "_LEAST_DENSITY", 1.0)
+    monkeypatch.setattr(builder, "make_slabs", lambda *_arguments: [])
 
 
 def shift(pieces, *_arguments):
@@ -46,9 +54,8 @@ def test_boxes_are_refused_where_they_move_the_ground(mesh, monkeypatch):
     assert "refused" in find_note(contact, "fit boxes")
 
 
-def test_without_slabs_patches_follow_the_course(mesh, monkeypatch):
-    monkeypatch.setattr(builder, "make_slabs", lambda *_arguments: [])
-    contact = make_contact(mesh, ContactOptions(), ACCURACY)
+def test_without_slabs_patches_follow_the_course(mesh, dense):
+    contact = make_contact(mesh, ContactOptions(kind="convex"), ACCURACY)
     assert contact.notes["way"] == "patches of planes and triangles"
     assert contact.notes["is_reached"]
     assert contact.quality.mean < 0.003
@@ -63,10 +70,7 @@ def test_a_room_is_hollow():
     oriented = repair_mesh(room, RepairConfig(keeps_winding=True))
     contact = make_contact(oriented, ContactOptions(), 0.01)
     inside = np.random.default_rng(0).uniform([-1.99, -1.49, -1.24], [1.99, 1.49, 1.24], (2000, 3))
-    for piece in contact.pieces:
-        planes = piece.face_normals, (piece.face_normals * piece.triangles[:, 0]).sum(axis=1)
-        is_in = (inside @ planes[0].T < planes[1]).all(axis=1)
-        assert not is_in.any()
+    assert not compute_depths(inside, contact.pieces).any()
     assert contact.quality.mean < 0.001
     assert contact.quality.uncovered < 0.008
 
@@ -112,11 +116,6 @@ def make_waves(num: int = 41, size: float = 2.0) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, np.concatenate([first, second]), process=False)
 
 
-@pytest.fixture
-def dense(monkeypatch):
-    monkeypatch.setattr(builder, "_LEAST_DENSITY", 1.0)
-
-
 def test_rough_ground_becomes_a_height_field_as_close_as_patches(dense):
     contact = make_contact(make_waves(), ContactOptions(), 0.008)
     field = contact.height_field
@@ -138,7 +137,7 @@ def test_ground_with_holes_keeps_its_pieces(dense):
     assert "not known" in find_note(contact, "fit height field")
 
 
-def test_where_few_pieces_do_or_pieces_are_asked_for_there_is_no_height_field(monkeypatch):
-    for kind, density in (("auto", 1e6), ("convex", 1.0)):
-        monkeypatch.setattr(builder, "_LEAST_DENSITY", density)
-        assert make_contact(make_waves(21, 1.0), ContactOptions(kind=kind), 0.008).pieces
+def test_where_few_pieces_do_or_pieces_are_asked_for_there_is_no_height_field(dense, monkeypatch):
+    assert make_contact(make_waves(21, 1.0), ContactOptions(kind="convex"), 0.008).pieces
+    monkeypatch.setattr(builder, "_LEAST_DENSITY", 1e6)
+    assert make_contact(make_waves(21, 1.0), ContactOptions(), 0.008).pieces

@@ -12,7 +12,6 @@ from symbrion_gym._src.contact.distances import (
     find_signed_nearest,
 )
 from symbrion_gym._src.contact.kinds import HeightField
-from symbrion_gym._src.contact.quality import join_meshes
 
 
 def make_floor() -> trimesh.Trimesh:
@@ -47,20 +46,7 @@ def test_a_wall_without_contact_is_seen():
     assert SurfaceDistance(room).measure([make_slab(0.0)]).uncovered == pytest.approx(0.5 * 0.975, abs=0.02)
 
 
-def test_a_thin_piece_in_front_is_not_left_through_its_back():
-    quality = SurfaceDistance(make_floor()).measure(
-        [trimesh.creation.box(bounds=[[-1, -1, -0.01], [3, 3, 0.08]])]
-    )
-    assert quality.mean == pytest.approx(0.08, abs=1e-6)
-
-
-def test_nothing_is_infinitely_far():
-    assert np.isinf(SurfaceDistance(make_floor()).measure([]).mean)
-
-
 SLAB = trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])
-
-
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -77,11 +63,6 @@ def test_a_thin_slab_far_before_the_surface_stands_in_front_of_it():
     below = np.array([[1.0, 1.0, -0.5]])
     assert find_above(below, [SLAB]) == pytest.approx([0.3])
     assert compute_offsets(below, -UP[None], [SLAB]) == pytest.approx([-0.3])
-
-
-def test_offsets_from_nothing():
-    assert np.isneginf(find_above(np.zeros((2, 3)), [])).all()
-    assert len(find_above(np.zeros((0, 3)), [SLAB])) == 0
 
 
 def test_offsets_from_a_height_field():
@@ -110,13 +91,6 @@ def test_faces_without_area_do_not_matter():
     )
 
 
-def test_meshes_are_joined():
-    vertices, faces = join_meshes([SLAB, SLAB])
-    assert (len(vertices), len(faces)) == (16, 24)
-    assert np.array_equal(faces[12:], faces[:12] + 8)
-    assert [len(array) for array in join_meshes([])] == [0, 0]
-
-
 def test_depths_in_two_overlapping_boxes():
     pieces = [
         trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]]),
@@ -133,3 +107,8 @@ def test_planes_of_a_box_do_not_depend_on_its_winding():
     assert len(planes) == 6
     box.invert()
     assert np.array_equal(planes, find_planes(box))
+
+
+def test_nothing_is_infinitely_far():
+    assert np.isinf(SurfaceDistance(make_floor()).measure([]).mean)
+    assert np.isneginf(find_above(np.zeros((2, 3)), [])).all()

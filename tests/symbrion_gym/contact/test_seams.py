@@ -5,16 +5,14 @@ import pytest
 import trimesh
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.halfspaces import (
-    compute_halfspaces,
-    find_box,
-)
+from reconstruction._src.geometry.halfspaces import compute_halfspaces, find_box
 from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.contact import seams
 from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym._src.contact.seams import clear_hidden_edges, close_seams
 
+COURSE = Course()
 FLOOR = [(-3.3, -0.2), (3.3, -0.2), (3.3, 0.0), (-3.3, 0.0)]
 WEDGE = [(0.2, 0.0), (0.2, 0.25), (0.7, 0.25), (1.7, 0.0)]
 
@@ -66,10 +64,7 @@ def test_a_course_becomes_boxes(ground):
     boxes = turn_into_boxes(parts, ground)
     assert all(find_box(box) is not None for box in boxes)
     assert find_change(pieces, boxes, margin=2e-3) < 2e-3
-
-
-def test_no_more_parts_than_wanted():
-    assert len(split_at_creases(extrude(FLOOR, WEDGE, mirror(WEDGE)), 4)) == 4
+    assert len(split_at_creases(pieces, 4)) == 4  # no more than wanted
 
 
 def test_a_wall_is_not_left_hollow():
@@ -86,50 +81,39 @@ def test_a_wall_is_not_left_hollow():
     assert np.min(levels, axis=0).max() < 1e-3
 
 
-@pytest.fixture(scope="module")
-def course() -> Course:
-    return Course()
+def clear(pieces):
+    return clear_hidden_edges(list(pieces), Elevation(COURSE.surface()))
 
 
-def clear(pieces, course):
-    return clear_hidden_edges(list(pieces), Elevation(course.surface()))
-
-
-def test_ends_at_a_crest_lie_beneath_the_other_plane_by_the_clearance(course):
+def test_ends_at_a_crest_lie_beneath_the_other_plane_by_the_clearance():
     clearance = seams._CLEARANCE
-    _, block, ramp, *_ = clear(course.pieces(), course)
-    crest = course.pit / 2 + course.plateau
+    _, block, ramp, *_ = clear(COURSE.pieces())
+    crest = COURSE.pit / 2 + COURSE.plateau
     # The ramp falls by 1 in 4: its plane is z = 0.25 - (x - crest) / 4, sideways shorter by sqrt(17) / 4.
     assert block.bounds[1, 0] == pytest.approx(crest - clearance * np.sqrt(17.0), abs=1e-5)
-    assert ramp.bounds[1, 2] == pytest.approx(course.height - clearance, abs=1e-5)
+    assert ramp.bounds[1, 2] == pytest.approx(COURSE.height - clearance, abs=1e-5)
 
 
-def test_ends_at_walls_stay_and_boxes_stay_boxes(course):
-    cleared = clear(course.pieces(), course)
+def test_ends_at_walls_stay_and_boxes_stay_boxes():
+    cleared = clear(COURSE.pieces())
     assert len(cleared) == 5
     assert all(find_box(piece) is not None for piece in cleared)
-    assert cleared[1].bounds[0, 0] == course.pit / 2
-    assert np.array_equal(cleared[0].vertices, course.pieces()[0].vertices)
+    assert cleared[1].bounds[0, 0] == COURSE.pit / 2
+    assert np.array_equal(cleared[0].vertices, COURSE.pieces()[0].vertices)
 
 
-def test_a_ramp_reaches_into_the_floor_at_its_foot(course):
-    ramp = clear(course.pieces(), course)[2]
-    foot = course.ramp_feet[1]
-    assert Elevation(ramp).height(np.array([foot + 5e-4]), np.array([0.0]))[0] < 0.0
-
-
-def test_a_piece_beneath_others_is_left_out(course):
-    pieces = course.pieces()
+def test_a_piece_beneath_others_is_left_out():
+    pieces = COURSE.pieces()
     hidden = pieces[1].copy().apply_scale(0.5).apply_translation([0.25, 0.0, 0.0])
-    assert len(clear([*pieces, hidden], course)) == 5
-    doubled = clear([*pieces, pieces[2]], course)
+    assert len(clear([*pieces, hidden])) == 5
+    doubled = clear([*pieces, pieces[2]])
     assert len(doubled) == 5  # of two equal ones, one is kept
 
 
-def test_the_ground_is_lowered_by_no_more_than_a_body_feels(course):
-    pieces = course.pieces()
+def test_the_ground_is_lowered_by_no_more_than_a_body_feels():
+    pieces = COURSE.pieces()
     x = np.linspace(-3.0, 3.0, 6001)
-    before, after = (Elevation(*each).height(x, 0.3) for each in (pieces, clear(pieces, course)))
-    crest = course.pit / 2 + course.plateau
+    before, after = (Elevation(*each).height(x, 0.3) for each in (pieces, clear(pieces)))
+    crest = COURSE.pit / 2 + COURSE.plateau
     is_far = np.abs(np.abs(x) - crest) > 0.005
     assert np.abs(before - after)[is_far].max() < 1e-6

@@ -8,14 +8,7 @@ from scanned_surface import make_scanned_surface
 from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.making import make_arena
-from symbrion_gym._src.contact.distances import SurfaceDistance
-from symbrion_gym._src.contact.simplification import (
-    is_drawn,
-    list_counts,
-    select_simple,
-    simplify_surface,
-    split_long_edges,
-)
+from symbrion_gym._src.contact.simplification import is_drawn, split_long_edges
 
 RISE, RUN, STEPS = 0.17, 0.28, 6
 
@@ -35,16 +28,6 @@ def test_every_tread_of_overlapping_boxes_keeps_its_height(stairs):
     x, y = (part.ravel() for part in np.meshgrid(np.linspace(0.01, 0.27, 20), np.linspace(-0.59, 0.59, 60)))
     for step in range(STEPS):
         assert ground.height(x + step * RUN, y) == pytest.approx((step + 1) * RISE, abs=0.003)
-
-
-def test_no_place_of_a_drawn_surface_is_far_off(stairs):
-    distance, counts = SurfaceDistance(stairs), list_counts(len(stairs.faces))
-    worst = {}
-    for is_exact in (False, True):
-        index = select_simple(stairs, distance, 0.003, is_exact=is_exact)
-        simple = simplify_surface(stairs, counts[index])
-        worst[is_exact] = distance.measure_mesh(simple).max()
-    assert worst[True] <= 0.009 < worst[False]
 
 
 def test_boxes_are_drawn_and_noisy_ones_are_not(stairs):

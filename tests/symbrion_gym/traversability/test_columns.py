@@ -28,11 +28,6 @@ def test_solids_that_touch_are_one_span_and_others_have_a_clearance():
     assert len(spans.cell) == 200
 
 
-def test_a_high_solid_contains_a_lower_one_that_ends_sooner():
-    spans = find_spans(GRID, [make_box((0, 0, 0), (1, 1, 1)), make_box((0, 0, 0.1), (1, 1, 0.2))], None)
-    assert spans.high == pytest.approx(np.ones(100))
-
-
 def test_a_height_field_is_solid_below():
     field = HeightField(np.full((11, 11), 0.3), np.zeros(2), np.ones(2))
     spans = find_spans(GRID, [], field)
@@ -50,11 +45,6 @@ def test_a_thin_wall_between_centers_is_found_in_its_cells():
     for cell in row:
         heights = walls.heights[walls.cells == cell]
         assert np.diff(np.concatenate([[0.0], heights, [0.5]])).max() < 0.06
-
-
-def test_no_pieces_have_no_walls():
-    assert not len(find_walls(GRID, []).cells)
-    assert not len(find_spans(GRID, [], None).cell)
 
 
 def test_sorted_heights_find_the_nearest_of_a_cell():
@@ -80,12 +70,6 @@ def test_cells_and_centers_are_inverse():
     assert grid.find_neighbors(np.array([0, 99]), -1, 0).tolist() == [-1, 89]
 
 
-def test_a_grid_has_no_more_cells_than_allowed():
-    grid = make_grid(np.zeros(2), np.array([100.0, 50.0]), 0.05, 10_000)
-    assert grid.num_cells == pytest.approx(10_000, rel=0.05)
-    assert grid.cell == pytest.approx(np.sqrt(0.5))
-
-
 def test_a_square_of_two_triangles_is_met_once_everywhere():
     grid = make_square_grid()
     low, right, high, left = np.array([[0, 0, 0], [1, 0, 1], [1, 1, 1], [0, 1, 0]], dtype=float)
@@ -101,16 +85,3 @@ def test_vertical_triangles_are_met_by_no_line_and_small_gaps_are_closed():
     beside = np.array([[[0.051, 0, 0.3], [0.08, 0, 0.3], [0.051, 1, 0.3]]])
     assert not len(find_crossings(grid, beside).cell)
     assert len(find_crossings(grid, beside, margin=0.002).cell)
-
-
-def test_heights_agree_with_trimesh_on_random_triangles():
-    rng = np.random.default_rng(0)
-    corners = rng.random((40, 3, 3))
-    grid = make_square_grid(20)
-    found = find_crossings(grid, corners)
-    assert len(found.cell) > 100
-    centers = grid.compute_centers(found.cell)
-    for triangle, center, height in zip(found.triangle, centers, found.height, strict=True):
-        weights = np.linalg.solve(np.vstack([corners[triangle, :, :2].T, np.ones(3)]), [*center, 1.0])
-        assert weights.min() > -1e-6
-        assert height == pytest.approx(weights @ corners[triangle, :, 2], abs=1e-9)

@@ -13,11 +13,9 @@ from benchmarks.material.driving_scenes import (
     make_box,
     make_exact_arena,
     make_furnished_room,
-    make_terrain,
     make_two_storeys,
 )
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.traversability import drivable
@@ -107,20 +105,6 @@ def test_a_gallery_and_the_hall_below_are_one_region_by_the_ramp():
     ground = make_two_storeys().traversability()
     above, below = find_level(ground, 1.0, 2.2, GALLERY), find_level(ground, 1.0, 2.2, 0.0)
     assert ground.region[above] == ground.region[below] == 0
-
-
-def test_a_pit_divides_the_course():
-    truth = Arena.from_course(Course())
-    assert truth.traversability().num_regions == 3
-    assert truth.traversability() is truth.traversability()
-
-
-def test_equal_arenas_give_equal_maps():
-    first, second = (make_terrain(3, size=3.0).traversability() for _ in range(2))
-    for name in ("cell", "height", "slope", "step", "wall_distance", "region", "links"):
-        assert np.array_equal(
-            getattr(first, name), getattr(second, name), equal_nan=name in ("slope", "step")
-        )
 
 
 def test_links_are_mutual_and_on_one_ground(room):
