@@ -135,8 +135,9 @@ def _find_box(
     for depth in _DEPTHS:
         boxes = [_make_box(frame, each, height - min(depth, reach), height) for each in rectangles]
         moves = [np.inf if box is None else check.measure(box) for box in boxes]
-        if min(moves, default=np.inf) < np.inf:
-            return boxes[int(np.argmin(moves))] or piece
+        best = boxes[int(np.argmin(moves))]
+        if best is not None and min(moves) < np.inf:
+            return best
     return piece
 
 

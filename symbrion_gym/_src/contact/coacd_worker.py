@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,9 @@ def main(source: str, target: str) -> None:
         options = json.loads(str(given["options"]))
     coacd.set_log_level("error")
     pieces = coacd.run_coacd(mesh, **options)
-    corners = {f"vertices_{i}": np.asarray(vertices, np.float64) for i, (vertices, _) in enumerate(pieces)}
+    corners: dict[str, Any] = {
+        f"vertices_{i}": np.asarray(vertices, np.float64) for i, (vertices, _) in enumerate(pieces)
+    }
     np.savez(target, count=len(pieces), **corners)
 
 

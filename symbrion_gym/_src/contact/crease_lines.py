@@ -27,7 +27,7 @@ def find_crease_lines(mesh: trimesh.Trimesh, planes: Planes) -> Float[np.ndarray
     is_contact = (sides[:, 0] != sides[:, 1]) & (sides[:, 0] >= 0)
     middles = np.asarray(mesh.vertices)[np.asarray(mesh.face_adjacency_edges).reshape(-1, 2)].mean(axis=1)
     edge_length = float(np.median(mesh.edges_unique_length))
-    lines = [_find_wall(mesh, planes, wall) for wall in np.flatnonzero(planes.normals[:, 2] < STEEP)]
+    lines = [_find_wall(mesh, planes, int(k)) for k in np.flatnonzero(planes.normals[:, 2] < STEEP)]
     for first, second in np.unique(sides[is_contact], axis=0):
         contact = middles[is_contact & (sides[:, 0] == first) & (sides[:, 1] == second)]
         crease = _find_crease(planes, first, second, contact, _CREASE_REACH * edge_length)

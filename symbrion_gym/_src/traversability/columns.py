@@ -15,6 +15,9 @@ from symbrion_gym._src.contact.kinds import HeightField
 
 Cells = Int[np.ndarray, " N"]  # Numbers of cells; -1 for none
 Heights = Float[np.ndarray, " N"]  # [m]
+Triangles = Float[np.ndarray, "T 3 3"]  # corners [m]
+Corner = Float[np.ndarray, " 2"]  # (x, y) [m]
+Spots = Int[np.ndarray, "T 2"]  # steps in cells along x and y
 
 _LEAST_AREA = 1e-12  # Triangles with less in plan are vertical [m²]
 _MOST_PAIRS = 2_000_000  # Pairs of triangle and cell that are treated at once: bounds the memory
@@ -41,7 +44,7 @@ class Grid(NamedTuple):
 
     def compute_cells(self, places: Float[np.ndarray, "N 2"]) -> Cells:
         """Return the cell of each (x, y); -1 beyond the grid."""
-        is_known = np.isfinite(places).all(axis=1)
+        is_known = np.isfinite(places[:, 0] + places[:, 1])
         steps = np.floor((np.where(is_known[:, None], places, self.low) - self.low) / self.cell)
         return np.where(is_known, self._number(*steps.astype(np.int64).T), -1)
 
@@ -60,9 +63,7 @@ class Grid(NamedTuple):
         return np.where(is_inside, i * self.shape[1] + j, -1)
 
 
-def make_grid(
-    low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], cell: float, max_cells: int
-) -> Grid:
+def make_grid(low: Corner, high: Corner, cell: float, max_cells: int) -> Grid:
     """Return a grid over a rectangle; its cells are wider than `cell` where there would be too many."""
     extent = np.maximum(np.asarray(high, dtype=np.float64) - low, cell)
     cell = max(cell, float(np.sqrt(np.prod(extent) / max_cells)))
@@ -79,7 +80,7 @@ class Crossings(NamedTuple):
     height: Float[np.ndarray, " C"]  # z of the triangle there [m]
 
 
-def find_crossings(grid: Grid, corners: Float[np.ndarray, "T 3 3"], margin: float = 0.0) -> Crossings:
+def find_crossings(grid: Grid, corners: Triangles, margin: float = 0.0) -> Crossings:
     """Return where vertical lines through the centers of cells meet triangles, triangle by triangle."""
     margin = max(margin, _ROUNDING)
     low, high = corners[..., :2].min(axis=1) - margin, corners[..., :2].max(axis=1) + margin
@@ -105,13 +106,9 @@ def _expand(counts: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " M"], Int[n
 
 
 def _cross_some(
-    grid: Grid,
-    corners: Float[np.ndarray, "T 3 3"],
-    margin: float,
-    some: Int[np.ndarray, " N"],
-    first: Int[np.ndarray, "T 2"],
-    counts: Int[np.ndarray, "T 2"],
+    grid: Grid, corners: Triangles, margin: float, some: Cells, first: Spots, counts: Spots
 ) -> Crossings:
+    """Return the crossings of some triangles with the cells from their first one on, so many along x and y."""
     owner, number = _expand(counts[some].prod(axis=1))
     triangle = some[owner]
     steps = first[triangle] + np.stack(np.divmod(number, counts[triangle, 1]), axis=1)
@@ -186,22 +183,14 @@ def find_spans(grid: Grid, pieces: list[trimesh.Trimesh], height_field: HeightFi
     starts = np.flatnonzero(np.diff(key, prepend=-1))
     cell = key[starts] % grid.num_cells
     low, high = (
-        extreme.reduceat(height, starts) if len(starts) else height for extreme in (np.minimum, np.maximum)
+        each.reduceat(height, starts) if len(starts) else height for each in (np.minimum, np.maximum)
     )
     if height_field is not None:
         ground = find_crossings(grid, np.asarray(height_field.as_mesh().triangles))
         base = np.full(len(ground.cell), float(height_field.heights.min()) - _FIELD_BASE)
         cell = np.concatenate([cell, ground.cell])
         low, high = np.concatenate([low, base]), np.concatenate([high, ground.height])
-    return _merge(cell, low, high)
-
-
-def _join_triangles(pieces: list[trimesh.Trimesh]) -> Float[np.ndarray, "T 3 3"]:
-    return np.concatenate([np.zeros((0, 3, 3)), *(np.asarray(piece.triangles) for piece in pieces)])
-
-
-def _merge(cell: Cells, low: Heights, high: Heights) -> Spans:
-    """Join intervals of a cell that overlap or nearly touch."""
+    # Intervals of a cell that overlap or nearly touch are one.
     if not len(cell):
         return Spans(cell, low, high, high)
     order = np.lexsort((low, cell))
@@ -217,6 +206,10 @@ def _merge(cell: Cells, low: Heights, high: Heights) -> Spans:
     is_below = cell[1:] == cell[:-1]
     clearance[:-1][is_below] = (low[1:] - high[:-1])[is_below]
     return Spans(cell, low, high, clearance)
+
+
+def _join_triangles(pieces: list[trimesh.Trimesh]) -> Triangles:
+    return np.concatenate([np.zeros((0, 3, 3)), *(np.asarray(piece.triangles) for piece in pieces)])
 
 
 def find_walls(grid: Grid, pieces: list[trimesh.Trimesh]) -> SortedHeights:
@@ -236,7 +229,7 @@ def find_walls(grid: Grid, pieces: list[trimesh.Trimesh]) -> SortedHeights:
     return SortedHeights(cells[kept], walls[kept, 2])
 
 
-def _sample(corners: Float[np.ndarray, "T 3 3"], spacing: float) -> Float[np.ndarray, "N 3"]:
+def _sample(corners: Triangles, spacing: float) -> Float[np.ndarray, "N 3"]:
     """Return points all over triangles, no farther apart than a spacing, rims included."""
     edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     turn = (edges.argmin(axis=1)[:, None] + np.arange(3)) % 3  # the first two corners: of the shortest edge

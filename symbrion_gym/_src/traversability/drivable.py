@@ -140,12 +140,8 @@ def find_traversability(
     low, high = np.asarray(surface.bounds, dtype=np.float64)[:, :2]
     grid = make_grid(low, high, footprint.width / 2, _MAX_CELLS)
     if grid.cell > footprint.width:
-        logger.warning(
-            "the map has cells of %.2f m, wider than the body (%.2f m), and misses steps between them; "
-            "make the arena of a part of the scan",
-            grid.cell,
-            footprint.width,
-        )
+        text = "the map has cells of %.2f m, wider than the body (%.2f m): steps are missed; map a part of the scan"
+        logger.warning(text, grid.cell, footprint.width)
     spans, walls = find_spans(grid, pieces, height_field), find_walls(grid, pieces)
     places = _find_places(grid, spans, surface, footprint.height)
     rises = np.where(places.links >= 0, places.height[places.links] - places.height[:, None], np.nan)

@@ -14,6 +14,8 @@ from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import compute_hold
 
+Point = Float[np.ndarray, " 3"]  # [m]
+Usable = Bool[np.ndarray, " P"]  # Of each place of a map, whether it may be used
 Place = Sequence[float] | np.ndarray  # (x, y), or (x, y, z) where there are several storeys [m]
 FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
 """From places on the ground [m] to whether the scanner saw each."""
@@ -74,6 +76,8 @@ def find_driving_route(
             f"{ground.footprint.width:.2f} m; give a smaller body or one that climbs more, or, if the scan has another "
             "axis up than z, say so where it is read (--up y, up='y')"
         )
+    if max_length is not None and not max_length > 0.0:
+        raise ArenaError(f"max_length must be above 0, got {max_length!r}")
     if start is not None and goal is not None and np.array_equal(start, goal):
         raise ArenaError(f"start and goal are the same place {goal!r}; move one of them")
     first = None if start is None else _find_drivable_place(ground, "start", start, name)
@@ -161,7 +165,7 @@ def _make_cost_graph(ground: TraversabilityMap, friction: Float[np.ndarray, " P"
     return csr_matrix((graph.data * factor, (graph.row, graph.col)), graph.shape)
 
 
-def _select_slippery(friction: Float[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:
+def _select_slippery(friction: Float[np.ndarray, " P"]) -> Usable:
     """Return which places have clearly less friction than the least slippery one."""
     return friction < _SLIPPERY * friction.max(initial=0.0)
 
@@ -195,7 +199,7 @@ def _choose_ends(
 
 
 def _select_good_ends(
-    ground: TraversabilityMap, inside: Bool[np.ndarray, " P"], find_seen: FindSeen | None
+    ground: TraversabilityMap, inside: Usable, find_seen: FindSeen | None
 ) -> Int[np.ndarray, " N"]:
     """Return places with room around them, on level ground, that the scanner saw, as far as there are such."""
     reach = ground.footprint.reach
@@ -254,9 +258,7 @@ def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name
     return int(near[np.lexsort((flat, storeys, region))[0]])
 
 
-def find_straight_way(
-    ground: TraversabilityMap, is_usable: Bool[np.ndarray, " P"]
-) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None:
+def find_straight_way(ground: TraversabilityMap, is_usable: Usable) -> tuple[Point, Point] | None:
     """Return both ends of about the longest straight way over usable places, to larger x; None where there is none."""
     usable = np.flatnonzero(is_usable)
     if not len(usable):
@@ -270,9 +272,7 @@ def find_straight_way(
     return back[best], forth[best]
 
 
-def find_straight_way_from(
-    ground: TraversabilityMap, is_usable: Bool[np.ndarray, " P"], start: int
-) -> Float[np.ndarray, " 3"]:
+def find_straight_way_from(ground: TraversabilityMap, is_usable: Usable, start: int) -> Point:
     """Return the end of the longest straight way over usable places from a place; the place itself for none."""
     angles = np.arange(2 * _NUM_DIRECTIONS) * np.pi / _NUM_DIRECTIONS
     ends = _march(ground, is_usable, np.full(len(angles), start), angles)
@@ -292,7 +292,7 @@ def _spread(places: Float[np.ndarray, "N 2"]) -> Int[np.ndarray, " A"]:
 
 def _march(
     ground: TraversabilityMap,
-    is_usable: Bool[np.ndarray, " P"],
+    is_usable: Usable,
     anchors: Int[np.ndarray, " R"],
     angles: Float[np.ndarray, " R"],
 ) -> Float[np.ndarray, "R 3"]:

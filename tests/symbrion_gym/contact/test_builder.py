@@ -5,6 +5,8 @@ import pytest
 import trimesh
 from scanned_surface import make_scanned_surface
 
+from benchmarks.material.driving_scenes import make_terrain
+from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.contact import builder
@@ -104,40 +106,31 @@ def test_the_time_limit_ends_with_the_best_so_far(mesh):
     assert "time limit" in contact.notes["warnings"][0]
 
 
-def make_waves(num: int = 41, size: float = 2.0) -> trimesh.Trimesh:
-    """Return a square of ground with bumps 10 cm high, finer than planes follow."""
-    side = np.linspace(0, size, num)
-    x, y = np.meshgrid(side, side)
-    heights = 0.05 * np.sin(9 * x + 2) * np.cos(8 * y) + 0.03 * np.sin(15 * x - 11 * y)
-    corner = (np.arange(num - 1)[:, None] * num + np.arange(num - 1)).ravel()
-    first = np.stack([corner, corner + 1, corner + num], axis=1)
-    second = np.stack([corner + 1, corner + num + 1, corner + num], axis=1)
-    vertices = np.stack([x, y, heights], axis=-1).reshape(-1, 3)
-    return trimesh.Trimesh(vertices, np.concatenate([first, second]), process=False)
+@pytest.fixture(scope="module")
+def rough() -> trimesh.Trimesh:
+    return make_terrain(3, size=2.0, spacing=0.1).surface
 
 
-def test_rough_ground_becomes_a_height_field_as_close_as_patches(dense):
-    contact = make_contact(make_waves(), ContactOptions(), 0.008)
+def test_rough_ground_becomes_a_height_field_as_close_as_patches(rough, dense):
+    contact = make_contact(rough, ContactOptions(), 0.008)
     field = contact.height_field
     assert field is not None
     assert contact.pieces == []
     assert find_note(contact, "fit height field") == "accepted"
     assert contact.quality.mean <= 0.3 * 0.008
-    x, y = field.find_places()
-    wanted = 0.05 * np.sin(9 * x + 2) * np.cos(8 * y) + 0.03 * np.sin(15 * x - 11 * y)
-    assert np.abs(field.heights - wanted).max() < 0.012  # the chords of a mesh of 5 cm
+    heights = Elevation(rough).height(*field.find_places())
+    assert np.nanmax(np.abs(field.heights - heights)) < 1e-6
 
 
-def test_ground_with_holes_keeps_its_pieces(dense):
-    mesh = make_waves()
-    is_far = np.linalg.norm(mesh.triangles_center[:, :2] - [1.0, 1.0], axis=1) > 0.4
-    torn = trimesh.Trimesh(mesh.vertices, mesh.faces[is_far], process=False)
+def test_ground_with_holes_keeps_its_pieces(rough, dense):
+    is_far = np.linalg.norm(rough.triangles_center[:, :2] - rough.bounds.mean(axis=0)[:2], axis=1) > 0.4
+    torn = trimesh.Trimesh(rough.vertices, rough.faces[is_far], process=False)
     contact = make_contact(torn, ContactOptions(), 0.008)
     assert contact.pieces
     assert "not known" in find_note(contact, "fit height field")
 
 
-def test_where_few_pieces_do_or_pieces_are_asked_for_there_is_no_height_field(dense, monkeypatch):
-    assert make_contact(make_waves(21, 1.0), ContactOptions(kind="convex"), 0.008).pieces
+def test_where_few_pieces_do_or_pieces_are_asked_for_there_is_no_height_field(rough, dense, monkeypatch):
+    assert make_contact(rough, ContactOptions(kind="convex"), 0.008).pieces
     monkeypatch.setattr(builder, "_LEAST_DENSITY", 1e6)
-    assert make_contact(make_waves(21, 1.0), ContactOptions(), 0.008).pieces
+    assert make_contact(rough, ContactOptions(), 0.008).pieces

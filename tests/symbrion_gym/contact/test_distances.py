@@ -8,7 +8,6 @@ from symbrion_gym._src.contact.distances import (
     SurfaceDistance,
     compute_depths,
     compute_offsets,
-    find_planes,
     find_signed_nearest,
 )
 from symbrion_gym._src.contact.kinds import HeightField
@@ -99,14 +98,6 @@ def test_depths_in_two_overlapping_boxes():
     points = np.array([[0.2, 0.5, 0.5], [0.75, 0.5, 0.5], [0.9, 0.5, 0.5], [2, 0.5, 0.5], [0, 0.5, 0.5]])
     assert compute_depths(points, pieces) == pytest.approx([0.2, 0.25, 0.4, 0.0, 0.0])
     assert len(compute_depths(points[:0], pieces)) == 0
-
-
-def test_planes_of_a_box_do_not_depend_on_its_winding():
-    box = trimesh.creation.box((1, 2, 3))
-    planes = find_planes(box)
-    assert len(planes) == 6
-    box.invert()
-    assert np.array_equal(planes, find_planes(box))
 
 
 def test_nothing_is_infinitely_far():

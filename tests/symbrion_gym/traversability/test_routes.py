@@ -74,6 +74,8 @@ def test_a_given_end_stays_and_the_other_is_far_away(room):
         route = room.find_route(**ends, max_length=2.0)
         assert 1.5 < route.length <= 2.1
     assert room.find_route(max_length=2.0).length <= 2.0
+    with pytest.raises(ArenaError, match="max_length"):
+        room.find_route(max_length=0.0)
     assert room.find_route(start=(0.5, 0.5)).heading == pytest.approx(np.pi / 4, abs=np.pi / 2)
 
 
