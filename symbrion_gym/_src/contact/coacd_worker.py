@@ -1,7 +1,6 @@
 """coacd in a process of its own: it can crash, or never end, and would take its caller along.
 
-Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz`, without the rest of the package; see
-`coacd.py`.
+Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz`, without the rest of the package; see `coacd.py`.
 """
 
 from __future__ import annotations
