@@ -33,7 +33,7 @@ MAY_WRITE = {
     "reconstruction._src.base.atomic_write": "the writer",
     "symbrion_gym._src.arenas.saving": "removes what the manifest of an arena names",
     "symbrion_gym._src.arenas.export.export": "removes what the manifest of an export names",
-    "symbrion_gym._src.contact.decomposition": "into a temporary folder",
+    "symbrion_gym._src.contact.coacd": "into a temporary folder",
     "symbrion_gym._src.contact.coacd_worker": "into the same",
     "evolution._src.search.run": "the four files of a run",
     "reconstruction._src.tiles.folder": "removes the tiles of its own manifest",

@@ -28,7 +28,7 @@ from evolution._src.report.raster import (
 )
 from evolution._src.report.touchable import find_touchable
 from reconstruction._src.base.range_checks import format_count, format_distance
-from symbrion_gym._src.contact.inside import compute_offsets, find_nearest
+from symbrion_gym._src.contact.distances import compute_offsets, find_signed_nearest
 from symbrion_gym._src.contact.quality import ArenaQuality
 
 DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
@@ -54,7 +54,9 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
         drawn.append(
             _measure(surface, view, lambda points, normals: compute_offsets(points, normals, contact))
         )
-        drawn.append(_measure(front, view, lambda points, _: find_nearest(points, arena.surface).heights))
+        drawn.append(
+            _measure(front, view, lambda points, _: find_signed_nearest(points, arena.surface).heights)
+        )
     limit = limit or _find_limit([values for _, values in drawn])
     unit, factor = ("mm", 1000.0) if limit < 1.0 else ("m", 1.0)
     limit *= factor

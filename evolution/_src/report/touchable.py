@@ -7,7 +7,8 @@ import trimesh
 from jaxtyping import Float, Int
 
 import symbrion_gym as sg
-from symbrion_gym._src.contact.inside import compute_depths, find_nearest, join_meshes
+from symbrion_gym._src.contact.distances import compute_depths, find_signed_nearest
+from symbrion_gym._src.contact.quality import join_meshes
 
 _PARTS = 80
 """Contact is cut into parts this small, relative to the arena, before those behind the surface are left out."""
@@ -28,7 +29,7 @@ def find_touchable(arena: sg.Arena) -> tuple[Float[np.ndarray, "F 3 3"], Int[np.
     parts = trimesh.remesh.subdivide_to_size(vertices, faces, size, max_iter=30, return_index=True)
     faces, origin = (np.asarray(part, dtype=np.int64) for part in parts[1:])
     triangles, labels = np.asarray(parts[0])[faces], labels[origin]
-    nearest = find_nearest(triangles.mean(axis=1), arena.surface)
+    nearest = find_signed_nearest(triangles.mean(axis=1), arena.surface)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     is_front = (nearest.heights > _IN_FRONT) | (_compute_cosines(normals, nearest.normals) > _ALIKE)
     is_front &= compute_depths(triangles.mean(axis=1), arena.pieces) < _HIDDEN

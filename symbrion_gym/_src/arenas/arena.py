@@ -33,8 +33,8 @@ from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.traversability.drivable import TraversabilityMap, find_traversability
-from symbrion_gym._src.traversability.footprint import Footprint, TraversabilityConfig
-from symbrion_gym._src.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
+from symbrion_gym._src.traversability.footprint import Footprint
+from symbrion_gym._src.traversability.routes import DrivingRoute, Place, find_driving_route
 
 
 @dataclass(frozen=True, repr=False)
@@ -163,46 +163,45 @@ class Arena:
         return ArenaGeometry(self.surface, self.pieces, self.height_field, self.texture, self.primitives)
 
     @cached_property
-    def _maps(self) -> dict[tuple[Footprint, TraversabilityConfig], TraversabilityMap]:
+    def _maps(self) -> dict[Footprint, TraversabilityMap]:
         return {}
 
-    def traversability(
-        self, body: Organism | Footprint | None = None, config: TraversabilityConfig | None = None
-    ) -> TraversabilityMap:
+    def traversability(self, body: Organism | Footprint | None = None) -> TraversabilityMap:
         """Map where a body can drive: on the contact geometry, under ceilings, never on top of them.
 
         The map is made once for each footprint.
 
         Args:
             body: an organism, or what a body of any kind needs; None for one Scout.
-            config: how ground is found; None for the defaults.
 
         Raises:
             ArenaError: the arena has no contact geometry.
             OptionError: the body is of another kind.
         """
-        key = Footprint.of(body, self.friction), config or TraversabilityConfig()
-        if key not in self._maps:
-            self._maps[key] = find_traversability(self.surface, self.pieces, self.height_field, *key)
-        return self._maps[key]
+        footprint = Footprint.of(body, self.friction)
+        if footprint not in self._maps:
+            self._maps[footprint] = find_traversability(
+                self.surface, self.pieces, self.height_field, footprint
+            )
+        return self._maps[footprint]
 
     def find_route(
         self,
         body: Organism | Footprint | None = None,
         start: Place | None = None,
         goal: Place | None = None,
-        config: RouteConfig | None = None,
+        max_length: float | None = None,
     ) -> DrivingRoute:
         """Find a way over ground that a body can drive on; start and goal are chosen unless they are given.
 
-        Ways go around slippery patches of the `friction_map` where that costs less (`RouteConfig.slip_cost`). Where the
+        Ways go around slippery patches of the `friction_map` where that costs less. Where the
         positions of the scanner are known, they are chosen where it saw the ground.
 
         Args:
             body: an organism, or what a body of any kind needs; None for one Scout.
             start: (x, y) or (x, y, z) [m]; z selects one of several storeys.
             goal: likewise.
-            config: how the route is chosen; None for the defaults.
+            max_length: a route whose start or goal is chosen is no longer [m]; None for 10 m.
 
         Raises:
             ArenaError: there is no drivable ground, a given place is not drivable, or there is no way from start to
@@ -213,7 +212,7 @@ class Arena:
         find_seen = SeenPlaces(self.surface, np.array(viewpoints)) if viewpoints else None
         ground = self.traversability(body)
         friction = self.find_friction(ground.positions)
-        return find_driving_route(ground, start, goal, self.name, config, find_seen, friction)
+        return find_driving_route(ground, start, goal, self.name, max_length, find_seen, friction)
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians.

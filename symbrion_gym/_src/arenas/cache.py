@@ -17,11 +17,10 @@ from jaxtyping import Bool
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.cache import find_cache_folder
-from symbrion_gym._src.contact.kinds import Contact, HeightField
-from symbrion_gym._src.contact.options import ContactOptions
+from symbrion_gym._src.contact.kinds import Contact, ContactOptions, HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 
-_FORMAT = 9  # Raised whenever the way pieces are made or kept changes: old entries are then left alone
+_FORMAT = 10  # Raised whenever the way pieces are made or kept changes: old entries are then left alone
 _LIBRARIES = ("coacd", "libigl", "mujoco", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 
 _logger = logging.getLogger(__name__)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.geometry.mesh_repair import RepairConfig
 from reconstruction._src.tiles.folder import TiledSurface
 from symbrion_gym._src.arenas.arena import Arena, color_arena
 from symbrion_gym._src.arenas.cache import find_versions, get_or_make
@@ -32,8 +33,8 @@ from symbrion_gym._src.arenas.scanned import (
 )
 from symbrion_gym._src.arenas.seen_places import choose_positions
 from symbrion_gym._src.contact.builder import make_contact
-from symbrion_gym._src.contact.kinds import Contact
-from symbrion_gym._src.contact.options import REPAIR, ContactOptions, find_accuracy
+from symbrion_gym._src.contact.distances import find_accuracy
+from symbrion_gym._src.contact.kinds import Contact, ContactOptions
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ def make_arena(
     """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
 
     A terrain of few planes becomes slabs, rough ground a height field, any other surface convex patches of its own,
-    thickened away from free space; coacd decomposes what is a solid where that gives as good a result. The arena's
+    thickened away from free space; coacd decomposes a closed body where that gives as good a result. The arena's
     `kind` is "hfield" where a height field was chosen. `Arena.quality` says what was reached, `Arena.provenance` how:
     `passes`, `accuracy`, `is_reached`, `worst`, `warnings`, and `cut`, what of the surface was cut off before.
 
@@ -141,7 +142,7 @@ def make_arena(
         friction_map: patches with another friction; unless given those of the course or of the reconstruction.
         thickness: how far slabs reach below the lowest ground [m].
         seed: seed of coacd's search.
-        time_limit: emergency stop: building ends then with the best so far, which is not cached [s].
+        time_limit: emergency stop: no further way is tried then; the best so far is not cached [s].
         cache: whether to keep pieces in the user's cache, or the folder to keep them in.
         progress: called with what is being done and the share done.
 
@@ -163,7 +164,7 @@ def make_arena(
     if name is None and isinstance(surface, str | Path):
         name = make_printable(Path(surface).stem)
     progress("repairing the mesh", 0.0)
-    mesh = repair_surface(scanned, REPAIR)
+    mesh = repair_surface(scanned, RepairConfig(drops_slivers=True))
     wanted = accuracy or find_accuracy(mesh, scanned.points)
 
     is_two_sided = find_two_sided(scanned, mesh)

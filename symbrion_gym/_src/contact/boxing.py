@@ -7,7 +7,6 @@ is a box are found several times faster than those of a hull.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -27,12 +26,9 @@ from reconstruction._src.geometry.halfspaces import (
 from reconstruction._src.geometry.outlines import compute_hull_outline
 from reconstruction._src.geometry.rows import make_hull
 from reconstruction._src.geometry.sampling import sample_grid
-from symbrion_gym._src.contact.deadline import never
-from symbrion_gym._src.contact.decomposition import MIN_VOLUME
 
 _NOTHING = -1e6  # Height of what is not there [m]
-
-
+_MIN_VOLUME = 1e-6  # Smaller parts are none [m³]
 _BEND_DEG = 5.0  # Planes on top of a piece that differ by less make no crease
 _MIN_SHARE = 0.04  # A plane with less of a piece's top gets no part of its own
 _OVERLAP = 0.02  # Parts overlap by this at a crease [m]
@@ -54,22 +50,21 @@ def split_at_creases(pieces: list[trimesh.Trimesh], max_pieces: int) -> list[tri
     """Return pieces cut along the creases on their tops, the largest first, while they are few enough."""
     largest_first = sorted(range(len(pieces)), key=lambda i: -pieces[i].volume)
     parts = {i: [piece] for i, piece in enumerate(pieces)}
-    count = len(pieces)
+    room = max_pieces - len(pieces)
     for i in largest_first:
         cut = _split(pieces[i])
-        if count + len(cut) - 1 <= max_pieces:
-            parts[i] = cut
-            count += len(cut) - 1
+        if len(cut) - 1 <= room:
+            parts[i], room = cut, room - len(cut) + 1
     return [part for i in range(len(pieces)) for part in parts[i]]
 
 
 class _Top:
     """The planes on top of a piece, and the share of its top that is under each."""
 
-    def __init__(self, piece: trimesh.Trimesh, num_points: int) -> None:
+    def __init__(self, piece: trimesh.Trimesh) -> None:
         self.halfspaces = compute_halfspaces(piece)
         self.planes = self.halfspaces[self.halfspaces[:, 2] > STEEP]
-        points = sample_grid(np.asarray(piece.vertices), num_points)
+        points = sample_grid(np.asarray(piece.vertices), _TOP_POINTS)
         points = points[np.isfinite(compute_tops(self.halfspaces, points))]
         self.slopes = -self.planes[:, [0, 1, 3]] / self.planes[:, 2:3]
         self.counts, self.num_points = np.zeros(len(self.planes), dtype=np.int64), len(points)
@@ -80,7 +75,7 @@ class _Top:
 
 def _split(piece: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     """Return the parts of a piece under each of its planes; the piece itself where it is under one."""
-    top = _Top(piece, _TOP_POINTS)
+    top = _Top(piece)
     if len(top.planes) < 2 or not top.num_points:
         return [piece]
     planes = _find_bent(top)
@@ -92,7 +87,7 @@ def _split(piece: trimesh.Trimesh) -> list[trimesh.Trimesh]:
         sides = np.column_stack([step[:, :2], np.zeros(len(step)), step[:, 2] - _OVERLAP])
         bounds = np.concatenate([top.halfspaces, sides])
         part = make_solid(bounds, find_inner_point(bounds))
-        if part is None or part.volume < MIN_VOLUME:
+        if part is None or part.volume < _MIN_VOLUME:
             return [piece]
         parts.append(part)
     return parts or [piece]
@@ -110,16 +105,10 @@ def _find_bent(top: _Top) -> list[int]:
     return planes
 
 
-def turn_into_boxes(
-    pieces: list[trimesh.Trimesh],
-    ground: Elevation,
-    is_exceeded: Callable[[], bool] = never,
-) -> list[trimesh.Trimesh]:
+def turn_into_boxes(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
     """Return pieces with a box in place of each that can be one."""
     boxed = list(pieces)
     for i in range(len(boxed)):
-        if is_exceeded():
-            break
         others = [compute_halfspaces(piece) for k, piece in enumerate(boxed) if k != i]
         boxed[i] = _find_box(boxed[i], others, ground)
     return boxed
@@ -129,7 +118,7 @@ def _find_box(
     piece: trimesh.Trimesh, others: list[Float[np.ndarray, "H 4"]], ground: Elevation
 ) -> trimesh.Trimesh:
     """Return a box under the piece's main plane that changes no contact; else the piece."""
-    top = _Top(piece, _TOP_POINTS)
+    top = _Top(piece)
     if not len(top.planes):
         return piece
     plane = top.planes[int(np.argmax(top.counts))]
@@ -144,13 +133,10 @@ def _find_box(
     reach = float(height - (corners @ plane[:3]).min())
     rectangles = find_tight_rectangles(outline)
     for depth in _DEPTHS:
-        boxes = (_make_box(frame, each, height - min(depth, reach), height) for each in rectangles)
-        best, least = None, np.inf
-        for box in boxes:
-            off = check.measure(box) if box is not None else np.inf
-            if off < least:
-                best, least = box, off
-        if best is not None:
+        boxes = [_make_box(frame, each, height - min(depth, reach), height) for each in rectangles]
+        moves = [np.inf if box is None else check.measure(box) for box in boxes]
+        best = boxes[int(np.argmin(moves))]
+        if best is not None and min(moves) < np.inf:
             return best
     return piece
 
@@ -205,27 +191,25 @@ class _ContactCheck:
         places, normals = np.asarray(found[0]), np.asarray(piece.face_normals)[np.asarray(found[1])]
         is_side = np.abs(normals[:, 2]) < STEEP
         places, normals = places[is_side], normals[is_side]
-        gap = _WALL_GAP
-        front = self._ground.height(*(places + gap * normals)[:, :2].T)
-        return places[front < places[:, 2] - gap]
+        front = self._ground.height(*(places + _WALL_GAP * normals)[:, :2].T)
+        return places[front < places[:, 2] - _WALL_GAP]
 
     def measure(self, box: trimesh.Trimesh) -> float:
         """Return how far a box moves the ground at most [m]; inf where that, or what it does to walls, is too much.
 
         Beyond the rim of the terrain nothing counts.
         """
-        tolerance = _TOLERANCE
         halfspaces = compute_halfspaces(box)
         own = compute_tops(halfspaces, self._points)
         after = np.maximum(np.maximum(self._neighbors, own), _NOTHING)
         off = np.maximum(after - self._highest, self._lowest - after)
-        if off.max() > 2 * tolerance or (off > tolerance).sum() > _BOX_FEW * len(off):
+        if off.max() > 2 * _TOLERANCE or (off > _TOLERANCE).sum() > _BOX_FEW * len(off):
             return np.inf
         if len(self._walls):
             depth = _measure_depth(self._walls, halfspaces)
             for other in self._others:
                 depth = np.minimum(depth, _measure_depth(self._walls, other))
-            if (depth > 2 * tolerance).any():
+            if (depth > 2 * _TOLERANCE).any():
                 return np.inf
         return float(np.abs(after - self._before)[self._is_ground].max(initial=0.0))
 

@@ -1,13 +1,13 @@
 """coacd in a process of its own: it can crash, or never end, and would take its caller along.
 
-Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz`, without the rest of the package; see
-`decomposition.py`.
+Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz`, without the rest of the package; see `coacd.py`.
 """
 
 from __future__ import annotations
 
 import json
 import sys
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +21,10 @@ def main(source: str, target: str) -> None:
         options = json.loads(str(given["options"]))
     coacd.set_log_level("error")
     pieces = coacd.run_coacd(mesh, **options)
-    arrays = {}
-    for i, (vertices, faces) in enumerate(pieces):
-        arrays[f"vertices_{i}"] = np.asarray(vertices, dtype=np.float64)
-        arrays[f"faces_{i}"] = np.asarray(faces, dtype=np.int64)
-    np.savez(target, count=len(pieces), **arrays)
+    corners: dict[str, Any] = {
+        f"vertices_{i}": np.asarray(vertices, np.float64) for i, (vertices, _) in enumerate(pieces)
+    }
+    np.savez(target, count=len(pieces), **corners)
 
 
 if __name__ == "__main__":

@@ -10,34 +10,43 @@ surface): how far contact stands in front of the surface.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.rows import compute_lengths, cross_rows
 from reconstruction._src.geometry.sampling import sample_area
-from symbrion_gym._src.contact.inside import ConvexSolids
-from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality, join_meshes
 
-_LEAST_LENGTH = 1e-30  # Keeps divisions by the length of a normal finite
+Points = Float[np.ndarray, "N 3"]  # [m]
+Distances = Float[np.ndarray, " N"]  # [m]
+Vertices = Float[np.ndarray, "V 3"]  # [m]
+Faces = Int[np.ndarray, "F 3"]
 
-
-_NUM_POINTS = 20_000  # Points on the surface, and as many on the pieces: a share of 1 % is known to 0.1 %
 UNCOVERED_BEYOND = 0.05
 """A point of the surface farther than this from contact is uncovered [m]: half a Scout's height."""
+_NUM_POINTS = 20_000  # Points on the surface, and as many on the pieces: a share of 1 % is known to 0.1 %
 _INSIDE = 1e-5  # A point of a piece deeper than this in another one cannot be touched [m]
+_MOST_VALUES = 4_000_000  # Distances of points from planes that are held at once: 32 MB
+_LEAST_LENGTH = 1e-15  # A triangle whose edges have a shorter cross product has no normal [m²]
+_PLANE_DIGITS = 9  # Planes that agree in all of these digits are one: the triangles of a flat side share it
+_FACING = 0.2
+"""Planes whose normal turns from a direction by more than 90 degrees, with this sine, look away from it."""
+_IN_FRONT = 0.5
+"""Cosine between the normal of the surface and the way to contact from which contact stands in front."""
 
 
 class Gaps(NamedTuple):
     """Distances of a surface and contact from each other."""
 
-    points: Float[np.ndarray, "N 3"]  # on the surface [m]
-    # of each from contact: above 0 where contact stands in front of the surface, below where behind [m]
-    gaps: Float[np.ndarray, " N"]
-    # of points of the pieces that can be touched: how far they stand in front of the surface [m]
-    protrusions: Float[np.ndarray, " M"]
+    points: Points  # on the surface [m]
+    gaps: Distances  # of each from contact: above 0 where contact stands in front, below where behind [m]
+    protrusions: Float[np.ndarray, " M"]  # of touchable points of contact: how far in front they stand [m]
 
     def find_worst(self) -> tuple[Float[np.ndarray, " 3"], float]:
         """Return the place of the largest distance, and that distance [m]."""
@@ -46,11 +55,7 @@ class Gaps(NamedTuple):
 
 
 class SurfaceDistance:
-    """Distance of one set of pieces after another from one surface.
-
-    Attributes:
-        points: `[N, 3]` samples of the surface [m].
-    """
+    """Distance of one contact geometry after another from samples of one surface."""
 
     def __init__(self, surface: trimesh.Trimesh) -> None:
         """Sample the surface."""
@@ -58,57 +63,53 @@ class SurfaceDistance:
         self._faces = np.ascontiguousarray(surface.faces, dtype=np.int64)
         self._normals = _compute_normals(self._vertices, self._faces)
         self.points = sample_area(self._vertices, self._faces, _NUM_POINTS)
-        _, face, _ = find_nearest(self.points, self._vertices, self._faces)
-        self._directions = self._normals[face]
+        self._directions = self._normals[find_nearest(self.points, self._vertices, self._faces)[1]]
 
-    def compute_gaps(self, pieces: list[trimesh.Trimesh]) -> Gaps:
-        """Return the distances from pieces; -inf where there are none."""
-        if not pieces:
+    def compute_gaps(self, contact: Sequence[trimesh.Trimesh] | HeightField) -> Gaps:
+        """Return the distances from contact; -inf where there is none."""
+        if isinstance(contact, HeightField):
+            return self._compute_gaps_of_sheet(contact.as_mesh())
+        if not contact:
             return Gaps(self.points, np.full(len(self.points), -np.inf), np.zeros(0))
-        solids = ConvexSolids(pieces)
-        raised = solids.compute_depths_behind(self.points, self._directions)
-        distance, _, _ = find_nearest(self.points, solids.vertices, solids.faces)
-        return Gaps(self.points, np.where(raised > 0, raised, -distance), self._compute_protrusions(solids))
+        raised = _find_depths(self.points, contact, self._directions)
+        vertices, faces = join_meshes(contact)
+        distance, _, _ = find_nearest(self.points, vertices, faces)
+        points = sample_area(vertices, faces, _NUM_POINTS)
+        heights, distances = self._measure_heights(points[compute_depths(points, contact) <= _INSIDE])
+        is_touchable = heights > -UNCOVERED_BEYOND
+        protrusions = np.where(heights > 0, distances, 0.0)[is_touchable]
+        return Gaps(self.points, np.where(raised > 0, raised, -distance), protrusions)
 
-    def compute_gaps_of_sheet(self, sheet: trimesh.Trimesh) -> Gaps:
+    def _compute_gaps_of_sheet(self, sheet: trimesh.Trimesh) -> Gaps:
         """Return the distances from an open sheet with everything beneath it solid: a height field."""
         vertices, faces = np.asarray(sheet.vertices), np.asarray(sheet.faces)
         distance, face, nearest = find_nearest(self.points, vertices, faces)
-        normals = _compute_normals(vertices, faces)
-        height = np.einsum("ni,ni->n", self.points - nearest, normals[face])
-        gaps = np.where(height < 0, distance, -distance)
-        middles = sample_area(vertices, faces, _NUM_POINTS)
-        distance, face, nearest = find_nearest(middles, self._vertices, self._faces)
-        height = np.einsum("ni,ni->n", middles - nearest, self._normals[face])
-        return Gaps(self.points, gaps, np.where(height > 0, distance, 0.0))
+        height = np.einsum("ni,ni->n", self.points - nearest, _compute_normals(vertices, faces)[face])
+        heights, distances = self._measure_heights(sample_area(vertices, faces, _NUM_POINTS))
+        return Gaps(
+            self.points, np.where(height < 0, distance, -distance), np.where(heights > 0, distances, 0.0)
+        )
 
-    def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
-        """Return the distances from pieces as figures."""
-        return self.summarize(self.compute_gaps(pieces), len(pieces), seconds)
-
-    def summarize(self, gaps: Gaps, num_pieces: int, seconds: float = 0.0) -> ArenaQuality:
-        """Return distances as figures."""
-        uncovered = float((np.abs(gaps.gaps) > UNCOVERED_BEYOND).mean())
-        return ArenaQuality.of_gaps(gaps.gaps, uncovered, num_pieces, seconds, gaps.protrusions)
-
-    def measure_mesh(
-        self, vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-    ) -> Float[np.ndarray, " N"]:
-        """Return the distances of the samples from another mesh [m]."""
-        return find_nearest(self.points, vertices, faces)[0]
-
-    def _compute_protrusions(self, solids: ConvexSolids) -> Float[np.ndarray, " M"]:
-        points = sample_area(solids.vertices, solids.faces, _NUM_POINTS)
-        points = points[solids.compute_depths(points) <= _INSIDE]
+    def _measure_heights(self, points: Points) -> tuple[Distances, Distances]:
+        """Return how far points lie in front of the nearest face's plane, and their distances from it [m]."""
         distance, face, nearest = find_nearest(points, self._vertices, self._faces)
-        height = np.einsum("ni,ni->n", points - nearest, self._normals[face])
-        is_touchable = height > -UNCOVERED_BEYOND
-        return np.where(height > 0, distance, 0.0)[is_touchable]
+        return np.einsum("ni,ni->n", points - nearest, self._normals[face]), distance
+
+    def measure(self, contact: Sequence[trimesh.Trimesh] | HeightField, seconds: float = 0.0) -> ArenaQuality:
+        """Return the distances from contact as figures."""
+        gaps = self.compute_gaps(contact)
+        uncovered = float((np.abs(gaps.gaps) > UNCOVERED_BEYOND).mean())
+        count = 0 if isinstance(contact, HeightField) else len(contact)
+        return ArenaQuality.of_gaps(gaps.gaps, uncovered, count, seconds, gaps.protrusions)
+
+    def measure_mesh(self, mesh: trimesh.Trimesh) -> Distances:
+        """Return the distances of the samples from another mesh [m]."""
+        return find_nearest(self.points, np.asarray(mesh.vertices), np.asarray(mesh.faces))[0]
 
 
 def find_nearest(
-    points: Float[np.ndarray, "N 3"], vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Float[np.ndarray, " N"], Int[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:
+    points: Points, vertices: Vertices, faces: Faces
+) -> tuple[Distances, Int[np.ndarray, " N"], Points]:
     """Return the distance [m], face and place of the nearest point of the faces, by libigl."""
     import igl
 
@@ -122,9 +123,129 @@ def find_nearest(
     return np.sqrt(np.maximum(squared, 0.0)), np.asarray(face, dtype=np.int64), np.asarray(place)
 
 
-def _compute_normals(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "F 3"]:
+def _compute_normals(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals = cross_rows(b - a, c - a)
-    return normals / np.maximum(compute_lengths(normals), _LEAST_LENGTH)[:, None]
+    return normals / np.maximum(compute_lengths(normals), np.finfo(float).tiny)[:, None]
+
+
+def compute_depths(points: Points, pieces: Sequence[trimesh.Trimesh]) -> Distances:
+    """Return how deep points are inside convex pieces [m]: the distance of the nearest plane, of the deepest piece."""
+    return _find_depths(points, pieces, None)
+
+
+def _find_depths(points: Points, pieces: Sequence[trimesh.Trimesh], directions: Points | None) -> Distances:
+    """Return how deep points are [m]: the distance of the nearest plane that does not look away from a direction."""
+    found = np.zeros(len(points))
+    for members, below, normals in _find_inside(points, pieces):
+        depths = below.min(axis=1)
+        if directions is not None:
+            behind = np.where(directions[members] @ normals.T < -_FACING, np.inf, below).min(axis=1)
+            depths = np.where(np.isfinite(behind), behind, depths)
+        found[members] = np.maximum(found[members], depths)
+    return found
+
+
+def _find_inside(
+    points: Points, pieces: Sequence[trimesh.Trimesh]
+) -> Iterator[tuple[Int[np.ndarray, " M"], Float[np.ndarray, "M P"], Float[np.ndarray, "P 3"]]]:
+    """Give the points in each solid, their depths below its planes [m], and the planes' normals."""
+    by_extent = np.argsort(-np.ptp(points, axis=0)) if len(points) else np.arange(3)
+    order = np.argsort(points[:, by_extent[0]], kind="stable")
+    ordered = np.ascontiguousarray(points[order].T)
+    for piece in pieces:
+        low, high = piece.bounds
+        first, last = np.searchsorted(ordered[by_extent[0]], (low[by_extent[0]], high[by_extent[0]]))
+        near = np.arange(first, last)
+        for axis in by_extent[1:]:
+            along = ordered[axis, near]
+            near = near[(along > low[axis]) & (along < high[axis])]
+        if not len(near):
+            continue
+        planes = find_planes(piece)
+        for part in np.array_split(near, len(near) * len(planes) // _MOST_VALUES + 1):
+            below = planes[:, 3] - ordered[:, part].T @ planes[:, :3].T
+            is_inside = (below > 0).all(axis=1)
+            if is_inside.any():
+                yield order[part[is_inside]], below[is_inside], planes[:, :3]
+
+
+def find_planes(piece: trimesh.Trimesh) -> Float[np.ndarray, "P 4"]:
+    """Return the planes of a convex solid as outward unit normal and offset: inside, normal · x < offset."""
+    corners = np.asarray(piece.triangles)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    is_face = length[:, 0] > _LEAST_LENGTH
+    normals, corner = normals[is_face] / length[is_face], corners[is_face, 0]
+    offsets = (normals * corner).sum(axis=1, keepdims=True)
+    middle = np.asarray(piece.vertices).mean(axis=0)
+    outward = np.where(normals @ middle[:, None] > offsets, -1.0, 1.0)
+    return np.unique(np.round(outward * np.hstack([normals, offsets]), _PLANE_DIGITS), axis=0)
+
+
+def compute_offsets(
+    points: Points, normals: Points, contact: Sequence[trimesh.Trimesh] | HeightField
+) -> Distances:
+    """Return signed distances of points of a surface from contact geometry [m]: above 0 where it stands in front."""
+    pieces = [] if isinstance(contact, HeightField) else contact
+    vertices, faces = join_meshes([contact.as_mesh()] if isinstance(contact, HeightField) else pieces)
+    if not len(faces) or not len(points):
+        return np.full(len(points), -np.inf)
+    distances, _, places = find_nearest(points, vertices, faces)
+    is_in_front = ((places - points) * normals).sum(axis=1) > _IN_FRONT * distances
+    depths = compute_depths(points, pieces)
+    return np.where(depths > 0.0, depths, np.where(is_in_front, distances, -distances))
+
+
+class NearestPoints(NamedTuple):
+    """Nearest points of a surface."""
+
+    distances: Distances  # how far they are [m]
+    heights: Distances  # the same, below 0 behind the surface: where its faces do not look to [m]
+    normals: Points  # unit normals of the nearest faces
+
+
+def find_signed_nearest(points: Points, surface: trimesh.Trimesh) -> NearestPoints:
+    """Return how far points are from a surface, on which side, and how the surface faces there."""
+    import igl
+
+    vertices, index = np.unique(np.asarray(surface.vertices, dtype=np.float64), axis=0, return_inverse=True)
+    faces = index.ravel()[np.asarray(surface.faces)]
+    normals = _compute_normals(vertices, faces)
+    is_face = normals.any(axis=1)
+    heights, face, _, _ = igl.signed_distance(
+        np.ascontiguousarray(points, dtype=np.float64),
+        vertices,
+        np.ascontiguousarray(faces[is_face]),
+        igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL,
+    )
+    heights = np.ravel(heights)
+    return NearestPoints(np.abs(heights), heights, normals[is_face][np.ravel(face)])
+
+
+_FINEST = 0.003  # Contact need not be closer [m]: a Scout's tracks do not feel 3 mm
+_EXTENT = 1.0 / 500.0  # ... or this share of the extent of the surface, for small things.
+_SPACING = 0.1  # In median distances of neighboring readings over the surface
+_MESH = 0.05  # Without readings, in median lengths of the edges of the surface
+_COARSEST = 2.0  # ... but no more than this many times the finest: a drawn mesh with long edges is exact.
+_NUM_READINGS = 5000  # Readings that are looked at
+_DEVIATION = 1.4826  # Standard deviation of a normal distribution over the median of its absolute values
+
+
+def find_accuracy(surface: trimesh.Trimesh, points: Points | None = None) -> float:
+    """Return the accuracy that contact geometry of a scanned surface should have [m].
+
+    The median distance of readings from the surface gives their noise; spacing is that of the surface's area, so
+    that dense readings near the scanner do not stand for those far from it.
+    """
+    finest = min(_FINEST, _EXTENT * float(surface.extents.max()))
+    if points is None or len(points) < 2:
+        edges = _MESH * float(np.median(surface.edges_unique_length))
+        return min(max(finest, edges), _COARSEST * finest)
+    chosen = np.sort(np.random.default_rng(0).permutation(len(points))[:_NUM_READINGS])
+    vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
+    noise = _DEVIATION * float(np.median(find_nearest(points[chosen], vertices, faces)[0]))
+    tree = cKDTree(points)
+    _, nearest = tree.query(sample_area(vertices, faces, _NUM_READINGS))
+    distance, _ = tree.query(points[nearest], k=2)
+    return max(finest, noise, _SPACING * float(np.median(distance[:, 1])))

@@ -1,4 +1,4 @@
-"""The kinds of contact geometry, one option: convex pieces, a height field, exact prisms, boxes and pieces.
+"""Contact geometry, one option: convex pieces, a height field, exact prisms, boxes and pieces.
 
 | kind | what it is | for |
 |---|---|---|
@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,20 +24,44 @@ from symbrion_gym._src.errors import ArenaError
 
 CONTACT_KINDS = ("convex", "hfield", "prisms", "mixed")  # What an arena can be made of
 CONTACT_CHOICES = ("auto", *CONTACT_KINDS)  # What can be asked for
-
+ACCEPTANCE_P95 = 3.0  # 95th percentile of the distance that is good enough, in accuracies
+UNCOVERED = 0.008  # Share of the surface without contact within 5 cm that is good enough
 _INSIDE = 1e-6  # The grid of a height field begins this far inside the rim [m], so that the rim itself is hit
+_SPACING = 0.02  # Distance of its points, unless another is asked for [m]
+_MAX_CELLS = 400_000  # They are farther apart where there would be more
 
 
-LEAST_DENSITY = 50.0  # Pieces over the area in plan, from which on a height field is looked for [1/m²]
-KNOWN = 0.98
-"""Share of the grid within its rim that lies on the ground, at least: elsewhere a height field invents
-ground."""
-SHARE = 0.3
-"""The mean distance is at most this share of the accuracy, the 95th percentile this share of what is good
-enough: a beam that grazes the ground feels a few millimeters."""
-COARSEST = 0.06  # Spacing of the grid that is tried first [m]: half a Scout
-FINEST = 0.02  # Finer grids are not tried [m]
-SHRINK = 0.8  # Factor between the spacings that are tried
+@dataclass(frozen=True)
+class ContactOptions:
+    """What contact geometry is wanted.
+
+    Raises:
+        ArenaError: an option is out of range.
+    """
+
+    # mean distance between contact and surface that is good enough [m]; None: as fine as the scan
+    accuracy: float | None = None
+    max_pieces: int = 2200  # no more convex pieces than these
+    kind: str = "auto"  # one of `CONTACT_CHOICES`
+    thickness: float = 0.2  # how far slabs reach below the lowest ground [m]
+    seed: int = 0  # seed of coacd's search
+    time_limit: float = 300.0  # emergency stop: nothing more is tried then [s]
+
+    def __post_init__(self) -> None:
+        if self.kind not in CONTACT_CHOICES:
+            raise ArenaError(
+                f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_CHOICES)}"
+            )
+        for name in ("accuracy", "thickness", "time_limit"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < float("inf"):
+                raise ArenaError(f"{name} must be above 0, got {value}")
+        if self.max_pieces < 1:
+            raise ArenaError(f"max_pieces must be 1 or more, got {self.max_pieces}")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON."""
+        return asdict(self)
 
 
 class HeightField(NamedTuple):
@@ -47,30 +71,32 @@ class HeightField(NamedTuple):
     low: Float[np.ndarray, " 2"]  # (x, y) of the first row and column [m]
     high: Float[np.ndarray, " 2"]  # (x, y) of the last [m]
 
+    def find_places(self) -> tuple[Float[np.ndarray, "R C"], Float[np.ndarray, "R C"]]:
+        """Return x and y of the heights [m]."""
+        rows, columns = self.heights.shape
+        x, y = (np.linspace(self.low[i], self.high[i], n) for i, n in ((0, columns), (1, rows)))
+        return tuple(np.meshgrid(x, y))
+
     def as_mesh(self) -> trimesh.Trimesh:
         """Return the surface as MuJoCo splits it: two triangles a cell."""
         rows, columns = self.heights.shape
-        x, y = (np.linspace(self.low[i], self.high[i], n) for i, n in ((0, columns), (1, rows)))
-        vertices = np.stack([*np.meshgrid(x, y), self.heights], axis=-1).reshape(-1, 3)
+        vertices = np.stack([*self.find_places(), self.heights], axis=-1).reshape(-1, 3)
         corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
         first = np.stack([corner, corner + 1, corner + columns], axis=1)
         second = np.stack([corner + 1, corner + columns + 1, corner + columns], axis=1)
         return trimesh.Trimesh(vertices, np.concatenate([first, second]), process=False)
 
 
-def make_height_field(
-    mesh: trimesh.Trimesh, ground: Elevation, spacing: float = 0.02, max_cells: int = 400_000
-) -> HeightField:
+def make_height_field(mesh: trimesh.Trimesh, ground: Elevation, spacing: float = _SPACING) -> HeightField:
     """Sample a terrain on a grid."""
     low, high = mesh.bounds[:, :2]
-    spacing = max(spacing, float(np.sqrt(np.prod(high - low) / max_cells)))
+    spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_CELLS)))
     columns, rows = (max(int(np.ceil(extent / spacing)) + 1, 2) for extent in high - low)
-    low, high = low + _INSIDE, high - _INSIDE
-    x, y = np.meshgrid(np.linspace(low[0], high[0], columns), np.linspace(low[1], high[1], rows))
-    heights = ground.height(x, y)
+    field = HeightField(np.zeros((rows, columns)), low + _INSIDE, high - _INSIDE)
+    heights = ground.height(*field.find_places())
     if np.isnan(heights).all():
         raise ArenaError("a height field needs ground that is seen from above")
-    return HeightField(np.where(np.isnan(heights), np.nanmin(heights), heights), low, high)
+    return field._replace(heights=np.where(np.isnan(heights), np.nanmin(heights), heights))
 
 
 @dataclass(frozen=True)

@@ -12,18 +12,18 @@ Differs: triangles lie in 3-D, and parts may be concave by a tolerance.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
-from reconstruction._src.geometry.rows import compute_areas
+from reconstruction._src.geometry.rows import compute_areas, make_hull
+from symbrion_gym._src.contact.quality import RayMesh
 
 _FLAT = 1e-9  # Points whose spread along an axis is smaller lie in a plane [m]
-
-
 _MAX_TILT_DEG = 35.0
 """A face of a patch is turned from the mean of the patch by no more: a solid behind a more strongly bent patch
 would reach far beneath the surface."""
@@ -34,6 +34,88 @@ _DEPTH_SHARE = 0.5  # A convex patch may bulge by this share of its thickness
 _STEPS = (0.05, 0.3, 1.0)
 """Shares of the tolerance at which all neighbors are tried, the finest first: so that what fits exactly is
 joined before what fits loosely."""
+_THICKNESS = 0.03
+"""Of the solid where nothing lies behind the surface [m]: more than a robot sinks in during a few steps; beams that
+pass a boundary of the surface meet the sides of thicker ones."""
+_LARGEST_SHARE = 0.05  # A solid is no thicker than this share of the extent of the surface
+_NEAR_SHARE = (
+    0.9  # Of the distance to whatever surface lies behind, where that is nearer: a thin wall stays one
+)
+_LEAST_THICKNESS = 0.004  # Thinner solids are flat to a simulator [m]
+_TWO_SIDED = 0.01
+"""Thickness of the solid behind faces that were seen from behind, too [m]: a sheet that stands for both sides of a thin
+wall; a robot sinks in less than this."""
+_START = 5e-4  # A ray into the solid begins this far behind the surface [m]
+_MIN_COSINE = 0.3
+"""An inner vertex lies behind every face of its vertex: where the normals at a vertex differ by more than the angle of
+this cosine, each face has inner vertices of its own."""
+_LEAST_DIRECTION = 0.5  # Unit vectors are longer; the normal of a flat face is not
+_THICK = 1e-8  # A solid with an area times depth of more has a volume in single precision, too [m³]
+_FLAT_VOLUME = (
+    1e-10  # A solid with less after rounding to single precision, as MuJoCo stores it, is flat [m³]
+)
+
+
+def thicken_patches(
+    mesh: trimesh.Trimesh,
+    tolerance: float,
+    extent: float,
+    is_seen_from_behind: Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]],
+) -> list[trimesh.Trimesh]:
+    """Return a convex solid behind each convex patch of a mesh; behind each face where the tolerance is 0."""
+    depths = compute_thickness(mesh, extent, is_seen_from_behind)
+    vertices, corners = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    patches = join_faces(mesh, depths, tolerance) if tolerance > 0 else list(np.arange(len(corners))[:, None])
+    solids = []
+    for faces in patches:
+        inner = _find_inner_points(mesh, faces, depths)
+        hull = make_hull(np.concatenate([vertices[np.unique(corners[faces])], inner]))
+        if hull is None:
+            continue
+        if float(mesh.area_faces[faces].sum() * depths[corners[faces]].min()) <= _THICK:
+            rounded = make_hull(np.asarray(hull.vertices, dtype=np.float32))
+            if rounded is None or rounded.volume <= _FLAT_VOLUME:
+                continue  # MuJoCo refuses flat ones
+        solids.append(hull)
+    return solids
+
+
+def compute_thickness(
+    mesh: trimesh.Trimesh,
+    extent: float,
+    is_seen_from_behind: Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]],
+) -> Float[np.ndarray, " V"]:
+    """Return how thick the solid behind each vertex may be: up to the other side of a thin wall [m]."""
+    scale = min(1.0, _LARGEST_SHARE * extent / _THICKNESS)
+    corners, normals = np.asarray(mesh.triangles), np.asarray(mesh.face_normals)
+    count = len(mesh.faces)
+    places = [corners.mean(axis=1), *((corners[:, k] + corners[:, k - 2]) / 2 for k in range(3))]
+    starts = np.concatenate([*places, mesh.vertices])
+    inwards = -np.concatenate([np.tile(normals, (4, 1)), np.asarray(mesh.vertex_normals)])
+    has_direction = np.linalg.norm(inwards, axis=1) > _LEAST_DIRECTION
+    reach = np.full(len(starts), np.inf)
+    first = (starts + scale * _START * inwards)[has_direction]
+    reach[has_direction] = RayMesh([mesh]).cast(first, inwards[has_direction])
+    allowed = np.clip(_NEAR_SHARE * (reach + scale * _START), scale * _LEAST_THICKNESS, scale * _THICKNESS)
+    limits = np.where(is_seen_from_behind(starts), scale * _TWO_SIDED, np.inf)
+    allowed = np.minimum(allowed, limits)
+    faces, depths = allowed[: 4 * count].reshape(4, count).min(axis=0), allowed[4 * count :]
+    for k in range(3):
+        np.minimum.at(depths, np.asarray(mesh.faces)[:, k], faces)
+    return depths
+
+
+def _find_inner_points(
+    mesh: trimesh.Trimesh, faces: Int[np.ndarray, " M"], depths: Float[np.ndarray, " V"]
+) -> Float[np.ndarray, "N 3"]:
+    """Return points behind some faces of a mesh, at the depth of each vertex."""
+    corners = np.asarray(mesh.faces)[faces]
+    directions = np.asarray(mesh.vertex_normals)[corners]
+    normals = np.asarray(mesh.face_normals)[faces][:, None]
+    cosines = np.einsum("fki,fki->fk", directions, np.broadcast_to(normals, directions.shape))
+    directions = np.where(cosines[..., None] < _MIN_COSINE, normals, directions)
+    inner = np.asarray(mesh.vertices)[corners] - depths[corners][..., None] * directions
+    return np.unique(inner.reshape(-1, 3), axis=0)
 
 
 @dataclass
@@ -68,11 +150,9 @@ def join_faces(
             has_joined = False
             for first, second in order:
                 a, b = _find_root(owner, first), _find_root(owner, second)
-                if a == b:
-                    continue
                 # Numbers of patches are used once: a pair that failed is tried again when either has grown.
                 pair = (patches[a].number, patches[b].number)
-                if pair in failed:
+                if a == b or pair in failed:
                     continue
                 joined = _join(patches[a], patches[b], vertices, share * tolerance, count)
                 if joined is None:

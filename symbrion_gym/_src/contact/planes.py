@@ -12,7 +12,6 @@ Differs: candidates are the flattest places in order, not random samples, so equ
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -21,19 +20,9 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from symbrion_gym._src.contact.deadline import never
-from symbrion_gym._src.contact.decomposition import (
-    compute_moments,
-    fit_planes,
-    measure_deviations,
-    weigh_faces,
-)
 from symbrion_gym._src.errors import ArenaError
 
 _LEAST_MASS = 1e-300  # Keeps divisions by the area of no faces finite
-_LEAST_RISE = 0.05  # Walls are given as planes that rise by 20 per 1: steeper than any ground, finite
-
-
 _MAX_ANGLE_DEG = 40.0
 """Largest angle between a face and the plane it belongs to; noise turns small faces this far."""
 _RINGS = 3  # Neighbors over which the noise at a face is averaged, in steps over edges
@@ -45,7 +34,7 @@ _MAX_MIN_AREA = 0.03  # Share of the whole area that always suffices for a plane
 _MAX_ROUNDS = 12  # Of growing one region, and of moving faces between regions; both end by themselves earlier
 _NEIGHBOR_COST = 0.25
 """What a neighbor on another plane costs a face, in squared reaches: keeps borders short."""
-_TILT_COST = 2.0  # What a face costs that is turned by more than `max_angle_deg`, likewise
+_TILT_COST = 2.0  # What a face costs that is turned by more than the largest angle, likewise
 _MAX_DISTANCE_COST = 4.0  # What a distance costs at most, likewise: one bad face does not decide
 _NO_PLANE_COST = 1.5  # What a face without a plane costs, likewise
 _BORDER_WEIGHT = 0.02  # Faces at the border of a region count this much: they may lie on a chamfer
@@ -55,6 +44,11 @@ _MERGE_COSINE = 0.98  # ... and the joint plane is turned against both by less t
 _CHAMFER_ANGLE_DEG = 20.0
 """A narrow strip that bends from its neighbors by more is an edge cut off, not a plane."""
 _CHAMFER_WIDTH = 1.5  # Such a strip is narrower than this many median edges
+_SHIFT = 0.3
+"""The common plane lies off that of each region by no more than this share of the tolerance (root-mean-square
+over the region): less than a body feels."""
+
+Labels = Int[np.ndarray, " F"]  # The plane of each face, -1 for none
 
 
 class Planes(NamedTuple):
@@ -62,61 +56,81 @@ class Planes(NamedTuple):
 
     normals: Float[np.ndarray, "R 3"]  # unit normals, to the outside
     offsets: Float[np.ndarray, " R"]  # normal · point on the plane [m]
-    labels: Int[np.ndarray, " F"]  # the plane of each face, -1 for none
+    labels: Labels  # the plane of each face, -1 for none
     noise: float  # standard deviation of the mesh around its planes [m]
 
-    def slopes(self) -> Float[np.ndarray, "R 3"]:
-        """Return the planes as (a, b, c) of z = a x + b y + c; walls as the steepest that this allows."""
-        rise = np.maximum(self.normals[:, 2], _LEAST_RISE)
-        return np.column_stack([-self.normals[:, :2] / rise[:, None], self.offsets / rise])
 
-
-def find_planes(
-    mesh: trimesh.Trimesh,
-    tolerance: float,
-    min_area: float | None = None,
-    is_exceeded: Callable[[], bool] = never,
-) -> Planes:
+def find_planes(mesh: trimesh.Trimesh, tolerance: float) -> Planes:
     """Find the planes that a mesh is made of."""
     surface = _FaceSurface(mesh)
     roughness, smooth_normals, smooth_offsets = surface.smooth()
     noise = float(np.median(roughness))
     reach = max(tolerance, _NOISE_REACH * noise)
-    if min_area is None:
-        total, median = float(surface.areas.sum()), float(np.median(surface.areas))
-        least = max(_MIN_FACES * median, _MIN_AREA * total)
-        min_area = min(least, _MAX_MIN_AREA * total)
+    total, median = float(surface.areas.sum()), float(np.median(surface.areas))
+    min_area = min(max(_MIN_FACES * median, _MIN_AREA * total), _MAX_MIN_AREA * total)
     labels = np.full(len(surface.areas), -1)
     is_seed = np.ones(len(labels), dtype=bool)
     count = 0
     for seed in np.argsort(roughness, kind="stable"):
         if not is_seed[seed] or count >= _MAX_PLANES:
             continue
-        if is_exceeded():
-            break
         members = surface.grow(seed, smooth_normals[seed], float(smooth_offsets[seed]), labels < 0, reach)
-        is_seed[members] = False
-        is_seed[seed] = False
+        is_seed[[seed, *members]] = False
         if surface.areas[members].sum() >= min_area:
             labels[members] = count
             count += 1
-    if not count:
-        return Planes(np.zeros((0, 3)), np.zeros(0), labels, noise)
-    labels = surface.relabel(labels, count, reach)
-    labels = surface.merge(labels, reach / _NOISE_REACH, tolerance)
-    labels = surface.drop_chamfers(labels, float(np.median(mesh.edges_unique_length)))
-    labels = _number(labels)
-    if labels.max() < 0:
-        return Planes(np.zeros((0, 3)), np.zeros(0), labels, noise)
-    normals, offsets = surface.fit_regions(labels, int(labels.max()) + 1)
-    offsets = offsets + normals @ surface.origin
-    return Planes(normals, offsets, labels, noise)
+    if count:
+        labels = surface.relabel(labels, count, reach)
+        labels = surface.merge(labels, reach / _NOISE_REACH, tolerance)
+        labels = surface.drop_chamfers(labels, float(np.median(mesh.edges_unique_length)))
+    kept, labels = np.unique(np.append(labels, -1), return_inverse=True)
+    labels, count = labels[:-1] - 1, len(kept) - 1
+    normals, offsets = surface.fit_regions(labels, count)
+    return Planes(normals, offsets + normals @ surface.origin, labels, noise)
 
 
-def _number(labels: Int[np.ndarray, " F"]) -> Int[np.ndarray, " F"]:
-    """Number labels 0, 1, 2 ...; -1 stays."""
-    _, numbers = np.unique(np.append(labels, -1), return_inverse=True)
-    return numbers[:-1] - 1
+def _compute_moments(mesh: trimesh.Trimesh, origin: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "F 4 4"]:
+    """Return the integral of h hᵀ over every face, h = (x - origin, 1)."""
+    corners = np.asarray(mesh.triangles, dtype=np.float64) - origin
+    homogeneous = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2)
+    total = homogeneous.sum(axis=1)
+    # Over a triangle of area A it is A/12 (sum of h hᵀ over the corners + s sᵀ), s the sum of their h.
+    moments = np.einsum("fki,fkj->fij", homogeneous, homogeneous) + total[:, :, None] * total[:, None, :]
+    return moments * (np.asarray(mesh.area_faces, dtype=np.float64)[:, None, None] / 12.0)
+
+
+def _fit_moments(
+    moments: Float[np.ndarray, "*N 4 4"],
+) -> tuple[Float[np.ndarray, "*N 3"], Float[np.ndarray, " *N"], Float[np.ndarray, " *N"]]:
+    """Return least-squares planes of moments: normals of either sign, offsets and standard deviations [m]."""
+    mass = np.maximum(moments[..., 3, 3], _LEAST_MASS)
+    center = moments[..., :3, 3] / mass[..., None]
+    spread = moments[..., :3, :3] / mass[..., None, None] - center[..., :, None] * center[..., None, :]
+    values, vectors = np.linalg.eigh(spread)
+    normal = vectors[..., 0]
+    offset = np.asarray(np.sum(normal * center, axis=-1))
+    return normal, offset, np.asarray(np.sqrt(np.maximum(values[..., 0], 0.0)))
+
+
+def _measure_deviations(
+    moments: Float[np.ndarray, "N 4 4"], normal: Float[np.ndarray, " 3"], offset: float
+) -> Float[np.ndarray, " N"]:
+    """Return root-mean-square distances of moments from one plane [m]."""
+    plane = np.append(normal, -offset)
+    square = np.einsum("nij,i,j->n", moments, plane, plane)
+    return np.sqrt(np.maximum(square, 0.0) / np.maximum(moments[:, 3, 3], _LEAST_MASS))
+
+
+def _sum_regions(
+    labels: Labels, pairs: Int[np.ndarray, "P 2"], values: Float[np.ndarray, "F ..."], count: int
+) -> Float[np.ndarray, "R ..."]:
+    """Return the sum of values over each region; faces at its border count little, those of no region not at all."""
+    weights = np.where(labels >= 0, 1.0, 0.0)
+    is_border = labels[pairs[:, 0]] != labels[pairs[:, 1]]
+    weights[pairs[is_border]] *= _BORDER_WEIGHT
+    sums = np.zeros((count, *values.shape[1:]))
+    np.add.at(sums, labels[labels >= 0], (values.T * weights).T[labels >= 0])
+    return sums
 
 
 class _FaceSurface:
@@ -129,7 +143,7 @@ class _FaceSurface:
             raise ArenaError("the mesh has no face with an area")
         self.normals = np.asarray(mesh.face_normals, dtype=np.float64)
         self.origin = np.asarray(mesh.triangles_center).mean(axis=0)
-        self.moments = compute_moments(mesh, self.origin)
+        self.moments = _compute_moments(mesh, self.origin)
         self.pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
         rows, columns = np.concatenate([self.pairs, self.pairs[:, ::-1]]).T
         count = len(self.areas)
@@ -144,13 +158,13 @@ class _FaceSurface:
         for _ in range(_RINGS):
             moments = moments + self.adjacency @ moments
             normals = normals + self.adjacency @ normals
-        planes, offsets, deviation = fit_planes(moments.reshape(-1, 4, 4))
+        planes, offsets, deviation = _fit_moments(moments.reshape(-1, 4, 4))
         flip = np.where(np.einsum("fi,fi->f", planes, normals) < 0, -1.0, 1.0)
         return deviation, planes * flip[:, None], offsets * flip
 
     def fit_faces(self, members: Int[np.ndarray, " M"]) -> tuple[Float[np.ndarray, " 3"], float]:
         """Return the plane of some faces: its normal, on their side, and its offset [m]."""
-        normal, offset, _ = fit_planes(self.moments[members].sum(axis=0))
+        normal, offset, _ = _fit_moments(self.moments[members].sum(axis=0))
         if normal @ (self.normals[members] * self.areas[members, None]).sum(axis=0) < 0:
             normal, offset = -normal, -offset
         return normal, float(offset)
@@ -166,7 +180,7 @@ class _FaceSurface:
         """Return the free faces that lie on one plane and are connected with the seed."""
         members = np.array([seed])
         for _ in range(_MAX_ROUNDS):
-            is_near = is_free & (measure_deviations(self.moments, normal, offset) < reach)
+            is_near = is_free & (_measure_deviations(self.moments, normal, offset) < reach)
             is_near &= self.normals @ normal > self._min_cosine
             is_near[seed] = True
             found = self._find_part(is_near, seed)
@@ -181,65 +195,52 @@ class _FaceSurface:
         _, part = connected_components(self.adjacency[members][:, members], directed=False)
         return members[part == part[np.searchsorted(members, seed)]]
 
-    def relabel(self, labels: Int[np.ndarray, " F"], count: int, reach: float) -> Int[np.ndarray, " F"]:
+    def relabel(self, labels: Labels, count: int, reach: float) -> Labels:
         """Let each face move to the plane of a neighbor that fits it better (iterated conditional modes)."""
+        rows, degrees = np.arange(len(labels)), np.diff(self.adjacency.indptr)
+        slots = np.arange(len(self.adjacency.indices)) - np.repeat(self.adjacency.indptr[:-1], degrees)
+        owner, is_used = np.repeat(rows, degrees), slots < 3
+        faces = np.full((len(labels), 4), -1)  # each face and its neighbors, -1 where there are fewer
+        faces[:, 0] = rows
+        faces[owner[is_used], 1 + slots[is_used]] = self.adjacency.indices[is_used]
         for _ in range(_MAX_ROUNDS):
-            planes = self.fit_regions(labels, count)
-            candidates = np.concatenate([np.arange(len(labels))[:, None], self._neighbors()], axis=1)
-            candidate = np.where(candidates >= 0, labels[candidates], -1)
-            cost = self._cost(planes, candidate, reach)
+            candidate = np.where(faces >= 0, labels[faces], -1)
+            cost = self._cost(*self.fit_regions(labels, count), candidate, reach)
             # Potts: every neighbor of another plane costs as much as half the reach (0.25 of its square).
-            differs = (candidate[:, :, None] != candidate[:, None, 1:]) & (candidates[:, None, 1:] >= 0)
-            cost += _NEIGHBOR_COST * differs.sum(axis=2)
-            best = np.argmin(cost, axis=1)
-            moved = candidate[np.arange(len(labels)), best]
+            differs = (candidate[:, :, None] != candidate[:, None, 1:]) & (faces[:, None, 1:] >= 0)
+            moved = candidate[rows, np.argmin(cost + _NEIGHBOR_COST * differs.sum(axis=2), axis=1)]
             if np.array_equal(moved, labels):
                 break
             labels = moved
         return labels
 
-    def _neighbors(self) -> Int[np.ndarray, "F 3"]:
-        """Return the neighboring faces, -1 where there are fewer."""
-        neighbors = np.full((len(self.areas), 3), -1)
-        starts, ends = self.adjacency.indptr[:-1], self.adjacency.indptr[1:]
-        for slot in range(3):
-            has = ends - starts > slot
-            neighbors[has, slot] = self.adjacency.indices[starts[has] + slot]
-        return neighbors
-
     def _cost(
         self,
-        planes: tuple[Float[np.ndarray, "R 3"], Float[np.ndarray, " R"]],
+        normals: Float[np.ndarray, "R 3"],
+        offsets: Float[np.ndarray, " R"],
         candidate: Int[np.ndarray, "F K"],
         reach: float,
     ) -> Float[np.ndarray, "F K"]:
         """Return what it costs each face to be on each candidate plane (-1: on none)."""
-        normals, offsets = planes
-        if not len(normals):
-            return np.ones(candidate.shape)
         homogeneous = np.concatenate([normals, -offsets[:, None]], axis=1)[candidate]
         square = np.einsum("fij,fki,fkj->fk", self.moments, homogeneous, homogeneous)
         square = np.maximum(square, 0.0) / np.maximum(self.areas, _LEAST_MASS)[:, None]
         tilt = 1.0 - np.einsum("fki,fi->fk", normals[candidate], self.normals)
-        is_too_steep = tilt > 1.0 - self._min_cosine
         cost = np.minimum(square / reach**2, _MAX_DISTANCE_COST) + tilt
-        cost = cost + _TILT_COST * is_too_steep
+        cost = cost + _TILT_COST * (tilt > 1.0 - self._min_cosine)
         return np.where(candidate < 0, _NO_PLANE_COST, cost)
 
     def fit_regions(
-        self, labels: Int[np.ndarray, " F"], count: int
+        self, labels: Labels, count: int
     ) -> tuple[Float[np.ndarray, "count 3"], Float[np.ndarray, " count"]]:
         """Return normals and offsets of the planes of regions; faces at the border of a region count little."""
-        weight = weigh_faces(labels, self.pairs, _BORDER_WEIGHT)
-        sums = np.zeros((count, 4, 4))
-        np.add.at(sums, np.maximum(labels, 0), self.moments * weight[:, None, None])
-        facing = np.zeros((count, 3))
-        np.add.at(facing, np.maximum(labels, 0), self.normals * (self.areas * weight)[:, None])
-        normals, offsets, _ = fit_planes(sums)
+        sums = _sum_regions(labels, self.pairs, self.moments, count)
+        facing = _sum_regions(labels, self.pairs, self.normals * self.areas[:, None], count)
+        normals, offsets, _ = _fit_moments(sums)
         flip = np.where(np.einsum("ri,ri->r", normals, facing) < 0, -1.0, 1.0)
         return normals * flip[:, None], offsets * flip
 
-    def merge(self, labels: Int[np.ndarray, " F"], noise: float, tolerance: float) -> Int[np.ndarray, " F"]:
+    def merge(self, labels: Labels, noise: float, tolerance: float) -> Labels:
         """Join neighboring regions that one plane fits as well."""
         count = int(labels.max()) + 1
         sums = np.zeros((count, 4, 4))
@@ -247,9 +248,9 @@ class _FaceSurface:
         contacts = self._find_contacts(labels)
         into, close = np.arange(count), _MERGE_DEVIATION
         while len(contacts):
-            normals, _, deviations = fit_planes(sums)
+            normals, _, deviations = _fit_moments(sums)
             first, second = contacts.T
-            joint, _, deviation = fit_planes(sums[first] + sums[second])
+            joint, _, deviation = _fit_moments(sums[first] + sums[second])
             apart = np.maximum(deviations[first], deviations[second])
             limit = np.maximum(np.hypot(apart, close * tolerance), _MERGE_NOISE * noise)
             tilts = [np.abs(np.einsum("ci,ci->c", joint, normals[side])) for side in (first, second)]
@@ -264,20 +265,19 @@ class _FaceSurface:
             contacts = np.unique(contacts[contacts[:, 0] != contacts[:, 1]], axis=0)
         return np.where(labels >= 0, into[labels], -1)
 
-    def drop_chamfers(self, labels: Int[np.ndarray, " F"], edge_length: float) -> Int[np.ndarray, " F"]:
+    def drop_chamfers(self, labels: Labels, edge_length: float) -> Labels:
         """Drop regions a triangle wide that bend sharply from what is around: edges that the mesh cut off."""
         kept = labels.copy()
         width = _CHAMFER_WIDTH * edge_length
         min_cosine = np.cos(np.radians(_CHAMFER_ANGLE_DEG))
-        sides = np.where(labels >= 0, labels, -1)[self.pairs]
+        sides = labels[self.pairs]
         for region in np.unique(labels[labels >= 0]):
             members = np.flatnonzero(labels == region)
             spread = self.moments[members].sum(axis=0)
             center = spread[:3, 3] / spread[3, 3]
             values = np.linalg.eigvalsh(spread[:3, :3] / spread[3, 3] - np.outer(center, center))
-            if (
-                np.sqrt(12.0 * max(values[1], 0.0)) > width
-            ):  # the variance of a strip is its width squared / 12
+            # The variance of a strip is its width squared / 12.
+            if np.sqrt(12.0 * max(values[1], 0.0)) > width:
                 continue
             is_rim = (sides == region).sum(axis=1) == 1
             if is_rim.any():
@@ -286,8 +286,62 @@ class _FaceSurface:
                     kept[members] = -1
         return kept
 
-    def _find_contacts(self, labels: Int[np.ndarray, " F"]) -> Int[np.ndarray, "C 2"]:
+    def _find_contacts(self, labels: Labels) -> Int[np.ndarray, "C 2"]:
         """Return the pairs of regions that touch."""
         pairs = labels[self.pairs]
         pairs = pairs[(pairs[:, 0] != pairs[:, 1]) & (pairs.min(axis=1) >= 0)]
         return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def share_planes(mesh: trimesh.Trimesh, planes: Planes, tolerance: float) -> Planes:
+    """Return planes with equal normals and offsets where one plane serves several regions; labels stay.
+
+    The closest two groups of regions are joined first, while the common plane serves all regions of both.
+    """
+    origin = np.asarray(mesh.triangles_center).mean(axis=0)
+    pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
+    sums = _sum_regions(planes.labels, pairs, _compute_moments(mesh, origin), len(planes.normals))
+    _, _, own = _fit_moments(sums)
+    groups: dict[int, list[int]] = {k: [k] for k in range(len(sums))}
+    shifts = {
+        (i, j): _measure_shift(sums, own, planes.normals, [i, j]) for i in groups for j in groups if i < j
+    }
+    while shifts:
+        i, j = min(shifts, key=lambda pair: shifts[pair])
+        if shifts[i, j] > _SHIFT * tolerance:
+            break
+        groups[i] += groups.pop(j)
+        shifts = {pair: shift for pair, shift in shifts.items() if j not in pair}
+        for k in groups.keys() - {i}:
+            pair = (min(i, k), max(i, k))
+            shifts[pair] = _measure_shift(sums, own, planes.normals, groups[i] + groups[k])
+    normals, offsets = planes.normals.copy(), planes.offsets.copy()
+    for members in groups.values():
+        if len(members) > 1:
+            normal, offset = _fit(sums, planes.normals, members)
+            normals[members], offsets[members] = normal, offset + normal @ origin
+    return planes._replace(normals=normals, offsets=offsets)
+
+
+def _fit(
+    sums: Float[np.ndarray, "R 4 4"], normals: Float[np.ndarray, "R 3"], members: list[int]
+) -> tuple[Float[np.ndarray, " 3"], float]:
+    """Return the common plane of some regions, on the side of the largest."""
+    normal, offset, _ = _fit_moments(sums[members].sum(axis=0))
+    largest = members[int(np.argmax(sums[members, 3, 3]))]
+    sign = 1.0 if normal @ normals[largest] > 0 else -1.0
+    return sign * normal, sign * float(offset)
+
+
+def _measure_shift(
+    sums: Float[np.ndarray, "R 4 4"],
+    own: Float[np.ndarray, " R"],
+    normals: Float[np.ndarray, "R 3"],
+    members: list[int],
+) -> float:
+    """Return how far the common plane lies off the worst region's own [m]; inf where a region faces the other way."""
+    normal, offset = _fit(sums, normals, members)
+    if (normals[members] @ normal).min() <= 0:
+        return float("inf")
+    square = _measure_deviations(sums[members], normal, offset) ** 2 - own[members] ** 2
+    return float(np.sqrt(max(square.max(), 0.0)))

@@ -18,6 +18,14 @@ from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.geometry.sampling import sample_cells
 from symbrion_gym._src.errors import ArenaError
 
+_LEAST_AREA = 1e-12  # Triangles with less are no shape [m²]; a ray hits their neighbors
+_SPACING = 0.01  # Distance of vertical lines [m]
+_MAX_RAYS = 400_000  # They are farther apart where there would be more: bounds time and memory
+_MARGIN = (
+    0.02  # Ground that rises by twice as much within this distance is a step, beside which nothing counts [m]
+)
+_ROUNDING = 1e-6  # Keeps a radius of a whole number of cells from becoming one more [cells]
+
 _DISTANCES = ("mean", "p95", "max", "seconds", "protrusion_mean", "protrusion_p95", "protrusion_max")
 _SHARES = ("uncovered", "beams_contact", "beams_surface", "free_space", "dropped")
 
@@ -82,81 +90,37 @@ class ArenaQuality:
         gaps: Float[np.ndarray, " N"],
         uncovered: float,
         num_pieces: int,
-        seconds: float,
+        seconds: float = 0.0,
         protrusions: Float[np.ndarray, " M"] | None = None,
     ) -> ArenaQuality:
         """Summarize signed distances of contact from the surface [m], above 0 where contact stands in front of it."""
         if not len(gaps) or not np.isfinite(gaps).all():
             return cls(np.inf, np.inf, np.inf, num_pieces, np.inf, 1.0, seconds)
-        distances = np.abs(gaps)
-        has_protrusions = protrusions is not None and len(protrusions) > 0
-        p_mean, p_p95, p_max = (
-            (float(protrusions.mean()), float(np.percentile(protrusions, 95)), float(protrusions.max()))
-            if protrusions is not None and has_protrusions
-            else (None, None, None)
-        )
-        return cls(
-            protrusion_mean=p_mean,
-            protrusion_p95=p_p95,
-            protrusion_max=p_max,
-            mean=float(distances.mean()),
-            p95=float(np.percentile(distances, 95)),
-            max=float(distances.max()),
-            bias=float(gaps.mean()),
-            uncovered=uncovered,
-            num_pieces=num_pieces,
-            seconds=seconds,
-        )
+        figures = _summarize(np.abs(gaps))
+        exposed = (None,) * 3 if protrusions is None or not len(protrusions) else _summarize(protrusions)
+        return cls(*figures, num_pieces, float(gaps.mean()), uncovered, seconds, *exposed)
 
 
-_MAX_RAYS = 400_000  # Vertical lines at most: bounds the time and memory that a large terrain takes
-_ROUNDING = 1e-6  # Keeps a radius of a whole number of cells from becoming one more [cells]
-
-
-class TerrainErrorMetric:
-    """Surface error of one set of pieces after another against a terrain, along vertical lines."""
-
-    def __init__(
-        self,
-        surface: trimesh.Trimesh,
-        ground: Elevation,
-        *,
-        region: trimesh.Trimesh | None = None,
-        spacing: float = 0.01,
-        margin: float = 0.02,
-    ) -> None:
-        """Measure the heights of the surface."""
-        low, high = (region or surface).bounds[:, :2]
-        spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
-        grid = sample_cells(low, high, spacing)
-        self._x, self._y = grid[..., 0], grid[..., 1]
-        self._wanted = ground.height(self._x, self._y)
-        self._is_there = np.isfinite(self._wanted)
-        if region is not None:
-            self._is_there &= np.isfinite(Elevation(region).height(self._x, self._y))
-        self._is_open = self._is_there & (_compute_relief(self._wanted, margin / spacing) < 2.0 * margin)
-
-    def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
-        """Compare the top of the pieces with the surface."""
-        touched = Elevation(*pieces).height(self._x, self._y)
-        is_touched = np.isfinite(touched)
-        gaps = (touched - self._wanted)[self._is_open & is_touched]
-        uncovered = float(1.0 - is_touched[self._is_there].mean()) if len(gaps) else 1.0
-        return ArenaQuality.of_gaps(gaps, uncovered, len(pieces), seconds)
+def _summarize(distances: Float[np.ndarray, " N"]) -> tuple[float, float, float]:
+    """Return mean, 95th percentile and maximum."""
+    return float(distances.mean()), float(np.percentile(distances, 95)), float(distances.max())
 
 
 def measure_arena(
-    pieces: list[trimesh.Trimesh],
-    surface: trimesh.Trimesh,
-    *,
-    region: trimesh.Trimesh | None = None,
-    spacing: float = 0.01,
-    margin: float = 0.02,
-    seconds: float = 0.0,
+    pieces: list[trimesh.Trimesh], surface: trimesh.Trimesh, *, region: trimesh.Trimesh | None = None
 ) -> ArenaQuality:
-    """Compare the top of the pieces with a surface along vertical lines."""
-    metric = TerrainErrorMetric(surface, Elevation(surface), region=region, spacing=spacing, margin=margin)
-    return metric.measure(pieces, seconds)
+    """Compare the top of pieces with a surface along vertical lines, away from steps; `region` bounds where."""
+    low, high = (region or surface).bounds[:, :2]
+    spacing = max(_SPACING, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
+    x, y = np.moveaxis(sample_cells(low, high, spacing), -1, 0)
+    wanted, touched = Elevation(surface).height(x, y), Elevation(*pieces).height(x, y)
+    is_there, is_touched = np.isfinite(wanted), np.isfinite(touched)
+    if region is not None:
+        is_there &= np.isfinite(Elevation(region).height(x, y))
+    is_open = is_there & (_compute_relief(wanted, _MARGIN / spacing) < 2.0 * _MARGIN)
+    gaps = (touched - wanted)[is_open & is_touched]
+    uncovered = float(1.0 - is_touched[is_there].mean()) if len(gaps) else 1.0
+    return ArenaQuality.of_gaps(gaps, uncovered, len(pieces))
 
 
 def _compute_relief(heights: Float[np.ndarray, "X Y"], radius: float) -> Float[np.ndarray, "X Y"]:
@@ -170,7 +134,14 @@ def _compute_relief(heights: Float[np.ndarray, "X Y"], radius: float) -> Float[n
     return highest - lowest
 
 
-_LEAST_AREA = 1e-12  # Triangles with less are no shape [m²]; a ray hits their neighbors
+def join_meshes(
+    meshes: Sequence[trimesh.Trimesh],
+) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
+    """Return vertices and faces of several meshes as those of one; each keeps its own vertices."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = np.concatenate([np.zeros((0, 3)), *(np.asarray(mesh.vertices) for mesh in meshes)])
+    faces = [np.asarray(mesh.faces) + start for mesh, start in zip(meshes, starts[:-1], strict=True)]
+    return vertices, np.concatenate([np.zeros((0, 3), dtype=np.int64), *faces])
 
 
 class RayMesh:
@@ -178,16 +149,8 @@ class RayMesh:
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh]) -> None:
         """Build the tree."""
-        self._middle = np.zeros(3)
-        self._model: mujoco.MjModel | None = None
-        ends = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-        vertices = np.concatenate([np.zeros((0, 3)), *(np.asarray(mesh.vertices) for mesh in meshes)])
-        faces = np.concatenate(
-            [
-                np.zeros((0, 3), dtype=np.int64),
-                *(np.asarray(mesh.faces) + end for mesh, end in zip(meshes, ends[:-1], strict=True)),
-            ]
-        )
+        self._middle, self._model = np.zeros(3), None
+        vertices, faces = join_meshes(meshes)
         faces = faces[compute_areas(vertices, faces) > _LEAST_AREA]
         if not len(faces):
             return

@@ -1,65 +1,60 @@
 """Convex pieces of a terrain made simpler and tighter where they meet, without moving the ground.
 
-Pieces come with needless corners (a ragged rim, cuts next to creases) and with lips where one ends a little beyond
-the crease that it should end at. Each piece is taken as an intersection of half-spaces:
+Pieces come with needless corners (a ragged rim, cuts next to creases). Each is taken as an intersection of half-spaces:
 
-1. A plane of a neighbor caps a piece that sticks out above it, where no ground of its own is lost.
-2. A side is moved outwards where that lifts no ground, so that neighbors overlap.
-3. A half-space that is not needed is dropped: fewer corners cost less in every contact.
+1. A side is moved outwards where that lifts no ground, so that neighbors overlap.
+2. A half-space that is not needed is dropped: fewer corners cost less in every contact.
+3. In the end, what is hidden beneath others goes, and hidden ends stop short of the crests that bodies slide over.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import trimesh
 from jaxtyping import Float
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.halfspaces import STEEP, compute_halfspaces, compute_tops, make_solid
-from reconstruction._src.geometry.sampling import sample_grid
-from symbrion_gym._src.contact.deadline import never
-from symbrion_gym._src.contact.decomposition import (
-    compute_moments,
-    fit_planes,
-    measure_deviations,
-    weigh_faces,
+from reconstruction._src.geometry.halfspaces import (
+    STEEP,
+    compute_halfspaces,
+    compute_tops,
+    find_box,
+    make_solid,
 )
-from symbrion_gym._src.contact.planes import Planes
+from reconstruction._src.geometry.rows import make_hull
+from reconstruction._src.geometry.sampling import sample_grid
+
+Halfspaces = Float[np.ndarray, "H 4"]  # Inside is a x + b y + c z + d <= 0
+Plane = Float[np.ndarray, " 4"]  # One of them
 
 _ON_PLANE = 1e-6  # What lies no farther beyond a plane lies on it: corners are rounded to 1 µm [m]
 _ON_FACE = 1e-4  # Corners this close to a plane belong to its face [m]
-_INSIDE = 1e-3  # The inner point of a piece stays this far beneath a plane that cuts it [m]
-
-
 _OVERLAP = 0.03  # Neighbors overlap by this, where that lifts no ground [m]
-_REACH = 0.05  # Dropping a half-space may let a piece grow by no more than this [m]
-_LIFT = 2e-4  # Ground lifted by less is not lifted [m]
+_GROWTH = 0.05  # Dropping a half-space may let a piece grow by no more than this [m]
+_LIFT = 2e-4  # Ground lifted or lowered by less is not [m]
 _NOISE = 1e-3  # A piece may rise to the terrain, and this far above it [m]
-_MAX_LOSS = 1e-3  # A cut may move no ground away from the terrain by more than this [m]
-_TOUCHING = 0.01  # Pieces whose bounds are this close are neighbors [m]
-_PIECE_POINTS = 160  # Points a side of the grid on which a piece is looked at
 _CHANGE_POINTS = 48  # Points a side of the grid on which a change is looked at
+_SAME_SIDE = 1e-4  # Planes whose coefficients differ by less are one: corners are rounded to 1 µm
+_CLEARANCE = 5e-4
+"""A hidden edge lies this far beneath the plane that bodies come from [m]: more than they sink in, and less
+than a body feels."""
+_MAX_MOVE = 0.01  # An end moves by no more than this [m]: on planes that hardly bend it would leave a gap
+_REACH = 3e-3  # Edges this close to another piece are hidden by it [m]: boxes stand out by as much
+_EDGE_POINTS = 9  # Points along an edge that are looked at
+_PIECE_POINTS = 160  # Points a side of the grid on which a piece is looked at
 
 
-def mend_pieces(
-    pieces: list[trimesh.Trimesh],
-    ground: Elevation,
-    is_exceeded: Callable[[], bool] = never,
-) -> list[trimesh.Trimesh]:
-    """Return pieces whose union is the same ground, with closed seams, overlap and fewer corners."""
+def close_seams(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
+    """Return pieces whose union is the same ground, with overlap and fewer corners."""
     mended = list(pieces)
-    for change in (_cap, _widen, _simplify):
-        for i in range(len(mended)):
-            if is_exceeded():
-                return mended
-            mended[i] = change(i, mended, ground)
+    for change in (_widen, _simplify):
+        for i, piece in enumerate(mended):
+            mended[i] = change(piece, Elevation(*mended[:i], *mended[i + 1 :]), ground)
     return mended
 
 
 def _is_hidden(
-    before: Float[np.ndarray, "H 4"],
+    before: Halfspaces,
     after: Float[np.ndarray, "G 4"],
     points: Float[np.ndarray, "N 2"],
     others: Elevation,
@@ -75,47 +70,11 @@ def _is_hidden(
     height = ground.height(*points.T)
     neighbors = np.nan_to_num(others.height(*points.T), nan=-np.inf)
     is_lifted = (new > np.maximum(old, neighbors) + _LIFT) & ~(new < height + _NOISE)
-    is_beyond = np.isnan(height) if air else np.zeros(len(points), dtype=bool)
-    return not (is_lifted & ~is_beyond).any()
+    return not (is_lifted & ~(air & np.isnan(height))).any()
 
 
-def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Trimesh:
-    """Cut a piece by the tops of its neighbors, where it sticks out above them and loses no ground."""
-    piece = pieces[i]
-    halfspaces, inner = compute_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
-    points = sample_grid(np.asarray(piece.vertices), _PIECE_POINTS)
-    height, before = ground.height(*points.T), compute_tops(halfspaces, points)
-    for j, other in enumerate(pieces):
-        if j == i or not _do_touch(piece, other, _TOUCHING):
-            continue
-        for plane in compute_halfspaces(other):
-            is_cut = (np.asarray(piece.vertices) @ plane[:3] + plane[3]).max() > _LIFT
-            if plane[2] < STEEP or plane[:3] @ inner + plane[3] > -_INSIDE or not is_cut:
-                continue
-            lowered = before > -(points @ plane[:2] + plane[3]) / plane[2]
-            after = before.copy()
-            after[lowered] = compute_tops(np.vstack([halfspaces, plane]), points[lowered])
-            lowered[lowered] = before[lowered] - after[lowered] > _LIFT
-            if not lowered.any():
-                continue
-            gain = np.abs(before - height)[lowered] - np.abs(after - height)[lowered]
-            if np.nansum(gain) <= 0 or np.nanmin(gain, initial=0.0) <= -_MAX_LOSS:
-                continue
-            if (made := make_solid(np.vstack([halfspaces, plane]), inner)) is not None:
-                piece, halfspaces = made, compute_halfspaces(made)
-                before = compute_tops(halfspaces, points)
-    return piece
-
-
-def _do_touch(first: trimesh.Trimesh, second: trimesh.Trimesh, reach: float) -> bool:
-    gap = np.maximum(first.bounds[0] - second.bounds[1], second.bounds[0] - first.bounds[1])
-    return bool(gap.max() < reach)
-
-
-def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Trimesh:
+def _widen(piece: trimesh.Trimesh, others: Elevation, ground: Elevation) -> trimesh.Trimesh:
     """Move each side of a piece outwards beneath its neighbors, where that lifts nothing."""
-    piece = pieces[i]
-    others = Elevation(*pieces[:i], *pieces[i + 1 :])
     halfspaces, inner = compute_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
     for k in range(len(halfspaces)):
         if abs(halfspaces[k, 2]) > STEEP:
@@ -135,10 +94,8 @@ def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.
     return piece
 
 
-def _simplify(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Trimesh:
+def _simplify(piece: trimesh.Trimesh, others: Elevation, ground: Elevation) -> trimesh.Trimesh:
     """Drop the half-spaces of a piece that make no difference, the smallest faces first."""
-    piece = pieces[i]
-    others = Elevation(*pieces[:i], *pieces[i + 1 :])
     first, inner = compute_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
     kept = first
     for plane in first[::-1]:
@@ -148,7 +105,7 @@ def _simplify(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trime
             continue
         vertices = np.asarray(made.vertices)
         growth = (vertices @ first[:, :3].T + first[:, 3]).max(axis=1)
-        if growth.max() > _REACH:
+        if growth.max() > _GROWTH:
             continue
         is_new = vertices @ plane[:3] + plane[3] > -_ON_PLANE
         points = sample_grid(vertices[is_new], _CHANGE_POINTS) if is_new.any() else np.zeros((0, 2))
@@ -157,73 +114,93 @@ def _simplify(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trime
     return piece
 
 
-_SHIFT = 0.3
-"""The common plane lies off that of each region by no more than this share of the tolerance (root-mean-square
-over the region): less than a body feels."""
-_BORDER_WEIGHT = 0.02  # Faces at the border of a region count this much: they may lie on a chamfer
+def clear_hidden_edges(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
+    """Return pieces without those that are hidden, whose hidden ends stop short of crests."""
+    kept = _drop_hidden(pieces, ground)
+    halfspaces = [compute_halfspaces(piece) for piece in kept]
+    return [_shorten(i, kept, halfspaces) for i in range(len(kept))]
 
 
-def share_planes(mesh: trimesh.Trimesh, planes: Planes, tolerance: float) -> Planes:
-    """Return planes with equal normals and offsets where one plane serves several regions; labels stay.
-
-    The closest two groups of regions are joined first, while the common plane serves all regions of both.
-    """
-    if not len(planes.normals):
-        return planes
-    origin = np.asarray(mesh.triangles_center).mean(axis=0)
-    sums = _sum_regions(mesh, planes, origin)
-    _, _, own = fit_planes(sums)
-    groups: dict[int, list[int]] = {k: [k] for k in range(len(sums))}
-    shifts = {
-        (i, j): _measure_shift(sums, own, planes.normals, [i, j]) for i in groups for j in groups if i < j
-    }
-    while shifts:
-        i, j = min(shifts, key=lambda pair: shifts[pair])
-        if shifts[i, j] > _SHIFT * tolerance:
-            break
-        groups[i] += groups.pop(j)
-        shifts = {pair: shift for pair, shift in shifts.items() if j not in pair}
-        for k in groups:
-            if k != i:
-                pair = (min(i, k), max(i, k))
-                shifts[pair] = _measure_shift(sums, own, planes.normals, groups[i] + groups[k])
-    normals, offsets = planes.normals.copy(), planes.offsets.copy()
-    for members in groups.values():
-        if len(members) > 1:
-            normal, offset = _fit(sums, planes.normals, members)
-            normals[members], offsets[members] = normal, offset + normal @ origin
-    return planes._replace(normals=normals, offsets=offsets)
+def _drop_hidden(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
+    """Return the pieces, without those whose tops lie beneath others wherever there is ground, the smallest first."""
+    halfspaces = {i: compute_halfspaces(piece) for i, piece in enumerate(pieces)}
+    for i in sorted(halfspaces, key=lambda i: float(pieces[i].volume)):
+        points = sample_grid(np.asarray(pieces[i].vertices), _PIECE_POINTS)
+        points = points[np.isfinite(ground.height(*points.T))]
+        own = compute_tops(halfspaces[i], points)
+        others = [compute_tops(planes, points) for k, planes in halfspaces.items() if k != i]
+        if others and (own <= np.max(others, axis=0) + _LIFT).all():
+            del halfspaces[i]
+    return [pieces[i] for i in sorted(halfspaces)]
 
 
-def _sum_regions(
-    mesh: trimesh.Trimesh, planes: Planes, origin: Float[np.ndarray, " 3"]
-) -> Float[np.ndarray, "R 4 4"]:
-    pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
-    weights = weigh_faces(planes.labels, pairs, _BORDER_WEIGHT)
-    sums = np.zeros((len(planes.normals), 4, 4))
-    np.add.at(sums, np.maximum(planes.labels, 0), compute_moments(mesh, origin) * weights[:, None, None])
-    return sums
+def _shorten(i: int, pieces: list[trimesh.Trimesh], halfspaces: list[Halfspaces]) -> trimesh.Trimesh:
+    """Return a piece whose ends stop short of the crests that it has in common with other pieces."""
+    piece, planes = pieces[i], halfspaces[i]
+    corners = np.asarray(piece.vertices)
+    for side in planes[planes[:, 2] <= STEEP]:
+        moves = [0.0]
+        for top in planes[planes[:, 2] > STEEP]:
+            ends = _find_edge(corners, side, top)
+            if ends is None:
+                continue
+            others = (other for j, other in enumerate(halfspaces) if j != i)
+            moves += [_find_move(ends, side, top, other) for other in others]
+        move = max(moves) or min(moves)
+        if move:
+            piece = _move_side(piece, side, move)
+    return piece
 
 
-def _fit(
-    sums: Float[np.ndarray, "R 4 4"], normals: Float[np.ndarray, "R 3"], members: list[int]
-) -> tuple[Float[np.ndarray, " 3"], float]:
-    """Return the common plane of some regions, on the side of the largest."""
-    normal, offset, _ = fit_planes(sums[members].sum(axis=0))
-    largest = members[int(np.argmax(sums[members, 3, 3]))]
-    sign = 1.0 if normal @ normals[largest] > 0 else -1.0
-    return sign * normal, sign * float(offset)
+def _move_side(piece: trimesh.Trimesh, side: Plane, move: float) -> trimesh.Trimesh:
+    """Return a piece with a side moved inwards, or outwards below 0 [m]; the piece itself where that is no solid."""
+    corners = np.asarray(piece.vertices)
+    if find_box(piece) is not None:  # stays a box to the last digit
+        is_side = np.abs(corners @ side[:3] + side[3]) < _ON_FACE
+        made = make_hull(corners - is_side[:, None] * (move * side[:3]))
+    else:
+        moved = compute_halfspaces(piece)
+        moved[np.abs(moved - side).max(axis=1) < _SAME_SIDE, 3] += move
+        made = make_solid(moved, corners.mean(axis=0))
+    return piece if made is None else made
 
 
-def _measure_shift(
-    sums: Float[np.ndarray, "R 4 4"],
-    own: Float[np.ndarray, " R"],
-    normals: Float[np.ndarray, "R 3"],
-    members: list[int],
+def _find_edge(corners: Float[np.ndarray, "V 3"], side: Plane, top: Plane) -> Float[np.ndarray, "2 3"] | None:
+    """Return the ends of the edge between a side and a top; None where they have none."""
+    is_on = (np.abs(corners @ side[:3] + side[3]) < _ON_FACE) & (
+        np.abs(corners @ top[:3] + top[3]) < _ON_FACE
+    )
+    if is_on.sum() < 2:
+        return None
+    edge = corners[is_on]
+    along = edge @ np.cross(side[:3], top[:3])
+    return edge[[int(along.argmin()), int(along.argmax())]]
+
+
+def _find_move(
+    ends: Float[np.ndarray, "2 3"],
+    side: Plane,
+    top: Plane,
+    other: Halfspaces,
 ) -> float:
-    """Return how far the common plane lies off the worst region's own [m]; inf where a region faces the other way."""
-    normal, offset = _fit(sums, normals, members)
-    if (normals[members] @ normal).min() <= 0:
-        return float("inf")
-    square = measure_deviations(sums[members], normal, offset) ** 2 - own[members] ** 2
-    return float(np.sqrt(max(square.max(), 0.0)))
+    """Return how far a side moves until its upper edge is clear of another piece's tops [m].
+
+    Above 0 inwards, from a crest; below 0 outwards, where the edge ends at the foot of a slope; 0 where it may stay.
+    """
+    share = np.linspace(0.0, 1.0, _EDGE_POINTS)[:, None]
+    points = (1.0 - share) * ends[0] + share * ends[1]
+    inwards = -side[:3] + (side[:3] @ top[:3]) * top[:3]
+    inwards /= np.linalg.norm(inwards)
+    is_top = other[:, 2] > STEEP
+    around = other[~is_top]
+    is_near = (points @ around[:, :3].T + around[:, 3]).max(axis=1) < _REACH
+    moves = [0.0]
+    for plane in other[is_top]:
+        heights = (points @ plane[:3] + plane[3])[is_near]
+        fall = -float(plane[:3] @ inwards)
+        if not len(heights) or fall == 0 or np.abs(heights).max() > _REACH:
+            continue
+        move = max(float(heights.max()) + _CLEARANCE, 0.0) / fall * -float(side[:3] @ inwards)
+        if abs(move) <= _MAX_MOVE:
+            moves.append(move)
+    return max(moves) or min(moves)

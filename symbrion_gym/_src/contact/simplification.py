@@ -1,13 +1,13 @@
-"""The coarsest triangles that follow a surface closely enough."""
+"""The triangles that pieces are made of: fewer where they still follow the surface, on planes, none of them long."""
 
 from __future__ import annotations
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
-from symbrion_gym._src.contact.acceptance import ACCEPTANCE_P95, UNCOVERED
 from symbrion_gym._src.contact.distances import UNCOVERED_BEYOND, SurfaceDistance
+from symbrion_gym._src.contact.kinds import ACCEPTANCE_P95, UNCOVERED
 from symbrion_gym._src.contact.planes import Planes
 
 _SHARE = 0.6
@@ -20,6 +20,14 @@ edge too few takes a tread away, which no mean shows. A scan has spikes of noise
 _DRAWN = 0.5
 """A surface is drawn where at least this share of its area lies in faces that are flat with a neighbor."""
 _FLAT = 1e-3  # ... to within this angle [rad]: noise never leaves two triangles as flat.
+_MAX_MOVE = 3.0  # A vertex moves by no more than this many tolerances: what lies farther off is no noise
+_ANCHOR = 1e-3
+"""Weight of the place where a vertex was, against that of a plane: it fixes what planes leave open."""
+_MOST_ROUNDS = 60  # Halving edges so often would make any of them vanish: the loop ends long before
+_MAX_EDGE = 1.0 / 25.0  # Longest edge, relative to the extent, of a mesh cut finer
+_COARSE_EDGE = 1.0 / 20.0  # A face with an edge longer than this, relative to the extent, is coarse
+_COARSE_SHARE = 0.2  # Meshes with less of their area in coarse faces stay as they are
+_MAX_FACES = 8000  # Halving ends beyond: a broken mesh can be large and all slivers
 
 
 def is_drawn(surface: trimesh.Trimesh) -> bool:
@@ -38,10 +46,7 @@ def list_counts(num_faces: int) -> list[int]:
 
 
 def select_simple(
-    surface: trimesh.Trimesh,
-    distance: SurfaceDistance,
-    accuracy: float,
-    is_exact: bool = False,
+    surface: trimesh.Trimesh, distance: SurfaceDistance, accuracy: float, is_exact: bool
 ) -> int:
     """Return the index in `list_counts` of the fewest triangles that follow the samples closely enough."""
     worst = _WORST * accuracy if is_exact else float("inf")
@@ -49,22 +54,15 @@ def select_simple(
     low, high = 0, len(counts) - 1
     while low < high:
         middle = (low + high) // 2
-        simple = simplify_surface(surface, counts[middle])
-        gaps = distance.measure_mesh(np.asarray(simple.vertices), np.asarray(simple.faces))
-        is_close = _is_close(gaps, UNCOVERED_BEYOND, accuracy, _SHARE)
-        if is_close and gaps.max() <= worst:
-            high = middle
-        else:
-            low = middle + 1
+        gaps = distance.measure_mesh(simplify_surface(surface, counts[middle]))
+        is_close = (
+            gaps.max() <= worst
+            and gaps.mean() <= _SHARE * accuracy
+            and np.percentile(gaps, 95) <= _SHARE * ACCEPTANCE_P95 * accuracy
+            and (gaps > UNCOVERED_BEYOND).mean() <= _SHARE * UNCOVERED
+        )
+        low, high = (low, middle) if is_close else (middle + 1, high)
     return low
-
-
-def _is_close(gaps: Float[np.ndarray, " N"], reach: float, accuracy: float, share: float) -> bool:
-    return bool(
-        gaps.mean() <= share * accuracy
-        and np.percentile(gaps, 95) <= share * ACCEPTANCE_P95 * accuracy
-        and (gaps > reach).mean() <= share * UNCOVERED
-    )
 
 
 def simplify_surface(surface: trimesh.Trimesh, count: int) -> trimesh.Trimesh:
@@ -89,16 +87,13 @@ def simplify_surface(surface: trimesh.Trimesh, count: int) -> trimesh.Trimesh:
     return simple if is_sound else surface
 
 
-_MAX_MOVE = 3.0  # A vertex moves by no more than this many tolerances: what lies farther off is no noise
-_ANCHOR = 1e-3
-"""Weight of the place where a vertex was, against that of a plane: it fixes what planes leave open."""
-
-
 def snap_to_planes(mesh: trimesh.Trimesh, planes: Planes, tolerance: float) -> trimesh.Trimesh:
     """Return a mesh whose vertices lie on the planes of their faces: on one plane, its line with another, or
     a corner."""
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
-    vertex, label = _pair_vertices(np.asarray(mesh.faces), planes.labels)
+    has_plane = np.repeat(planes.labels, 3) >= 0
+    pairs = np.stack([np.asarray(mesh.faces).ravel(), np.repeat(planes.labels, 3)], axis=1)[has_plane]
+    vertex, label = np.unique(pairs, axis=0).T  # every vertex with each plane of its faces, once
     if not len(vertex):
         return mesh
     normals, offsets = planes.normals[label], planes.offsets[label]
@@ -115,25 +110,6 @@ def snap_to_planes(mesh: trimesh.Trimesh, planes: Planes, tolerance: float) -> t
     is_far = step > _MAX_MOVE * tolerance
     moved[is_far] = vertices[is_far]
     return trimesh.Trimesh(moved, mesh.faces, process=False)
-
-
-def _pair_vertices(
-    faces: Int[np.ndarray, "F 3"], labels: Int[np.ndarray, " F"]
-) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
-    """Return every vertex with each plane of its faces, once."""
-    vertex, label = faces.ravel(), np.repeat(labels, 3)
-    has_plane = label >= 0
-    pairs = np.unique(np.stack([vertex[has_plane], label[has_plane]], axis=1), axis=0)
-    return pairs[:, 0], pairs[:, 1]
-
-
-_MOST_ROUNDS = 60  # Halving edges so often would make any of them vanish: the loop ends long before
-
-
-_MAX_EDGE = 1.0 / 25.0  # Longest edge, relative to the extent, of a mesh cut finer
-_COARSE_EDGE = 1.0 / 20.0  # A face with an edge longer than this, relative to the extent, is coarse
-_COARSE_SHARE = 0.2  # Meshes with less of their area in coarse faces stay as they are
-_MAX_FACES = 8000  # Halving ends beyond: a broken mesh can be large and all slivers
 
 
 def split_long_edges(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

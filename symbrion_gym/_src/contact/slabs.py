@@ -8,7 +8,6 @@ direction. Cells that one cap serves as well are joined again, also where the jo
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -28,7 +27,6 @@ from reconstruction._src.geometry.outlines import (
 )
 from reconstruction._src.geometry.sampling import sample_cells
 from symbrion_gym._src.contact.crease_lines import find_crease_lines
-from symbrion_gym._src.contact.deadline import never
 from symbrion_gym._src.contact.planes import Planes
 
 _NUM_POINTS = 30_000  # About how many points of the ground are looked at
@@ -40,10 +38,11 @@ _ALLOWED_POINTS = 8.0  # This number of points may lie farther off than the accu
 _ALLOWED_SHARE = 1e-3  # ... or this share of a cell's points.
 _JOIN_ACCURACY = 0.5  # Slabs are joined within this share of the accuracy
 _MAX_LIFT = 0.5  # A joint may lie above other ground by this share of the accuracy it is joined within
+_EVERYWHERE = np.zeros((0, 3))  # Bounds of a cell without any
 _MAX_UNCOVERED = 0.02  # Share of a joint that may be without ground, beyond what its parts have
-_NEIGHBOR_REACH = 3.0  # Slabs this close are neighbors, in spacings of the points
 _PREVIEW_POINTS = 250  # Points of a joint on which a hopeless one is recognized
 _PREVIEW_SLACK = 2.0  # A joint is hopeless where its error on them is this many times too large
+_NEIGHBOR_REACH = 3.0  # Slabs this close are neighbors, in spacings of the points
 
 
 def _allow(num_points: int) -> float:
@@ -85,22 +84,14 @@ class Slab:
     uncovered: float  # area of the outline without any ground [m²]
 
 
-def make_grid(mesh: trimesh.Trimesh, num_points: int) -> tuple[Float[np.ndarray, "N 2"], float]:
-    """Return about `num_points` points (x, y) over the box around a mesh, and their spacing [m]."""
+def _make_ground(mesh: trimesh.Trimesh, elevation: Elevation, planes: Planes) -> Ground:
+    """Measure the mesh from above on a grid; `elevation` is that of the mesh."""
     low, high = mesh.bounds[:, :2]
-    spacing = float(np.sqrt(np.prod(high - low) / num_points))
-    return sample_cells(low, high, spacing).reshape(-1, 2), spacing
-
-
-def make_ground(
-    mesh: trimesh.Trimesh, elevation: Elevation, planes: Planes, num_points: int = _NUM_POINTS
-) -> Ground:
-    """Measure the mesh from above on a grid of about `num_points`; `elevation` is that of the mesh."""
-    points, spacing = make_grid(mesh, num_points)
+    spacing = float(np.sqrt(np.prod(high - low) / _NUM_POINTS))
+    points = sample_cells(low, high, spacing).reshape(-1, 2)
     heights, faces = elevation.find_top(points[:, 0], points[:, 1])
     is_there = faces >= 0
-    points, heights, faces = points[is_there], heights[is_there], faces[is_there]
-    labels = np.asarray(planes.labels[faces])
+    points, heights, labels = points[is_there], heights[is_there], planes.labels[faces[is_there]]
     is_wall = planes.normals[:, 2] < STEEP
     rise = np.where(is_wall, 1.0, planes.normals[:, 2])
     levels = (planes.offsets - points @ planes.normals[:, :2].T) / rise
@@ -118,40 +109,31 @@ def make_slabs(
     accuracy: float,
     max_pieces: int,
     thickness: float,
-    is_exceeded: Callable[[], bool] = never,
-) -> tuple[list[Slab], list[trimesh.Trimesh]]:
-    """Return convex slabs, and solids, whose union has the terrain as its top; none where there are no planes."""
-    if not len(planes.normals):
-        return [], []
-    ground = make_ground(mesh, elevation, planes, _NUM_POINTS)
-    lines = find_crease_lines(mesh, planes, STEEP)
-    cells = _split(ground, lines, accuracy, max_pieces, is_exceeded)
+) -> list[trimesh.Trimesh]:
+    """Return convex solids whose union has the terrain as its top; none where there are no planes."""
+    ground = _make_ground(mesh, elevation, planes)
+    cells = _split(ground, find_crease_lines(mesh, planes), accuracy, max_pieces)
     slabs = [slab for cell in cells if (slab := _make_slab(mesh, ground, cell)) is not None]
-    slabs = _merge(ground, slabs, _JOIN_ACCURACY * accuracy, is_exceeded)
+    slabs = _merge(ground, slabs, _JOIN_ACCURACY * accuracy)
     bottom = float(mesh.vertices[:, 2].min()) - thickness
-    solids = [_make_solid(planes, slab, bottom) for slab in slabs]
-    return slabs, [solid for solid in solids if solid is not None]
+    tops = np.column_stack([planes.normals, -planes.offsets])
+    solids = [make_prism(compute_bounds(slab.outline), tops[slab.planes], bottom) for slab in slabs]
+    return [solid for solid in solids if solid is not None]
 
 
-def _split(
-    ground: Ground,
-    lines: Float[np.ndarray, "C 3"],
-    accuracy: float,
-    max_pieces: int,
-    is_exceeded: Callable[[], bool],
-) -> list[Cell]:
+def _split(ground: Ground, lines: Float[np.ndarray, "C 3"], accuracy: float, max_pieces: int) -> list[Cell]:
     """Cut the worst cell along its best line until every cap is accurate or no cut helps."""
     above = ground.heights[:, None] > ground.levels + accuracy
     clashes = (above * ground.weights[:, None]).astype(np.float32)
-    everything = _cap(ground, np.zeros((0, 3)), np.arange(len(ground.points)), accuracy)
+    everything = _cap(ground, _EVERYWHERE, np.arange(len(ground.points)), accuracy)
     most = _MAX_CELLS * max_pieces
     done, open_cells = [], [everything]
-    while open_cells and len(done) + len(open_cells) < most and not is_exceeded():
+    while open_cells and len(done) + len(open_cells) < most:
         worst = max(range(len(open_cells)), key=lambda i: open_cells[i].error)
         cell = open_cells.pop(worst)
         line = None
         if cell.excess > _allow(len(cell.members)):
-            line = _find_best_line(ground, clashes, cell, lines, _MIN_GAIN)
+            line = _find_best_line(ground, clashes, cell, lines)
         if line is None:
             done.append(cell)
             continue
@@ -167,7 +149,6 @@ def _find_best_line(
     clashes: Float32[np.ndarray, "N R"],
     cell: Cell,
     lines: Float[np.ndarray, "C 3"],
-    min_gain: float,
 ) -> Float[np.ndarray, " 3"] | None:
     """Return the line that parts the most pairs of points of which one lies above the plane of the other."""
     members = cell.members
@@ -178,7 +159,7 @@ def _find_best_line(
         owners = labels[is_side]
         return float(np.bincount(owners[owners >= 0], minlength=count) @ clash[is_side].sum(axis=0))
 
-    best, least = None, min_gain * count_pairs(np.ones(len(members), dtype=bool))
+    best, least = None, _MIN_GAIN * count_pairs(np.ones(len(members), dtype=bool))
     for line in lines:
         is_left = points @ line[:2] <= line[2]
         if is_left.all() or not is_left.any():
@@ -215,39 +196,34 @@ def _cap(
     return Cell(bounds, members, planes[is_selected], error if is_selected.any() else 0.0, excess)
 
 
-def _merge(ground: Ground, slabs: list[Slab], accuracy: float, is_exceeded: Callable[[], bool]) -> list[Slab]:
+def _merge(ground: Ground, slabs: list[Slab], accuracy: float) -> list[Slab]:
     """Join slabs, best pair first, while one cap serves both and lifts no ground between them."""
-    slabs, few, reach = list(slabs), _MAX_PAIRS_OF, _NEIGHBOR_REACH * ground.spacing
+    slabs, alive = list(slabs), set(range(len(slabs)))
     joints: dict[tuple[int, int], Slab] = {}
-    alive = set(range(len(slabs)))
-    new, far = list(combinations(range(len(slabs)), 2)), []
+    new = list(combinations(range(len(slabs)), 2))
     while True:
-        if len(alive) <= few:
-            new, far = new + [pair for pair in far if alive.issuperset(pair)], []
         for i, j in new:
-            if is_exceeded():
-                break
-            if len(alive) > few and not _are_near(slabs[i], slabs[j], reach):
-                far.append((i, j))
-            elif (joint := _join(ground, slabs[i], slabs[j], accuracy)) is not None:
+            is_likely = len(alive) <= _MAX_PAIRS_OF or _are_near(slabs[i], slabs[j], ground.spacing)
+            if is_likely and (joint := _join(ground, slabs[i], slabs[j], accuracy)) is not None:
                 joints[i, j] = joint
-        joints = {pair: joint for pair, joint in joints.items() if alive.issuperset(pair)}
         if not joints:
             return [slabs[k] for k in sorted(alive)]
         i, j = min(joints, key=lambda pair: joints[pair].error - sum(slabs[k].error for k in pair))
-        alive -= {i, j}
         slabs.append(joints[i, j])
+        alive -= {i, j}
+        joints = {pair: joint for pair, joint in joints.items() if alive.issuperset(pair)}
         new = [(k, len(slabs) - 1) for k in sorted(alive)]
         alive.add(len(slabs) - 1)
 
 
-def _are_near(first: Slab, second: Slab, reach: float) -> bool:
+def _are_near(first: Slab, second: Slab, spacing: float) -> bool:
     """Return whether two slabs touch, by the boxes around them, or share a plane."""
     gap = np.maximum(
         first.outline.min(axis=0) - second.outline.max(axis=0),
         second.outline.min(axis=0) - first.outline.max(axis=0),
     )
-    return bool(gap.max() < reach) or not set(first.planes.tolist()).isdisjoint(second.planes.tolist())
+    have_common_plane = bool(np.isin(first.planes, second.planes).any())
+    return have_common_plane or bool(gap.max() < _NEIGHBOR_REACH * spacing)
 
 
 def _join(ground: Ground, first: Slab, second: Slab, accuracy: float) -> Slab | None:
@@ -256,13 +232,13 @@ def _join(ground: Ground, first: Slab, second: Slab, accuracy: float) -> Slab | 
     allowed = _allow(min(len(first.members), len(second.members)))
     limit = first.excess + second.excess + allowed
     step = max(len(members) // _PREVIEW_POINTS, 1)
-    preview = step * _cap(ground, np.zeros((0, 3)), members[::step], accuracy).excess
+    preview = step * _cap(ground, _EVERYWHERE, members[::step], accuracy).excess
     if preview > _PREVIEW_SLACK * limit + 2 * step:
         return None
     outline = compute_hull_outline(np.concatenate([first.outline, second.outline]))
     if outline is None:
         return None
-    cell = _cap(ground, np.zeros((0, 3)), members, accuracy)
+    cell = _cap(ground, _EVERYWHERE, members, accuracy)
     if cell.excess > limit:
         return None
     inside = np.flatnonzero(is_within(outline, ground.points))
@@ -286,9 +262,3 @@ def _make_slab(mesh: trimesh.Trimesh, ground: Ground, cell: Cell) -> Slab | None
         return None
     uncovered = measure_area(outline) - is_within(outline, ground.points).sum() * ground.spacing**2
     return Slab(outline, cell.members, cell.planes, cell.error, cell.excess, float(uncovered))
-
-
-def _make_solid(planes: Planes, slab: Slab, bottom: float) -> trimesh.Trimesh | None:
-    """Return the convex solid under the slab's cap, down to the bottom."""
-    tops = np.column_stack([planes.normals, -planes.offsets])[slab.planes]
-    return make_prism(compute_bounds(slab.outline), tops, bottom)

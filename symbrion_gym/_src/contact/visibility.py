@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.elevation import Elevation
-from symbrion_gym._src.contact.inside import compute_depths
+from symbrion_gym._src.contact.distances import compute_depths
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.errors import ArenaError

@@ -18,7 +18,6 @@ from symbrion_gym._src.traversability.footprint import Footprint
 from symbrion_gym._src.traversability.routes import (
     DrivingRoute,
     Place,
-    RouteConfig,
     find_driving_route,
     find_straight_way,
 )
@@ -54,7 +53,6 @@ def find_path(
     if start.place == "pit":
         raise ArenaError("a path does not start before a pit; give start='floor' or (x, y)")
     ground = find_ground_map(arena, organism)
-    config = RouteConfig() if distance is None else RouteConfig(max_length=distance)
     here: Place | None
     heading: float | None = None
     if not isinstance(start.place, str):
@@ -66,7 +64,7 @@ def find_path(
     legs: list[DrivingRoute] = []
     friction = arena.find_friction(ground.positions)
     for place in places or (None,):
-        leg = find_driving_route(ground, here, place, arena.name, config, friction=friction)
+        leg = find_driving_route(ground, here, place, arena.name, distance, friction=friction)
         legs.append(leg)
         here = leg.goal
     corners, is_place = [], []

@@ -9,25 +9,132 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from symbrion_gym._src.contact.kinds import HeightField
-from symbrion_gym._src.traversability.grid import Grid, expand, find_crossings
 
+Cells = Int[np.ndarray, " N"]  # Numbers of cells; -1 for none
+Heights = Float[np.ndarray, " N"]  # [m]
+Triangles = Float[np.ndarray, "T 3 3"]  # corners [m]
+Corner = Float[np.ndarray, " 2"]  # (x, y) [m]
+Spots = Int[np.ndarray, "T 2"]  # steps in cells along x and y
+
+_LEAST_AREA = 1e-12  # Triangles with less in plan are vertical [m²]
+_MOST_PAIRS = 2_000_000  # Pairs of triangle and cell that are treated at once: bounds the memory
+_ROUNDING = 1e-9  # Centers of cells this close outside a triangle lie in it [m]: neighbors leave no crack
 _FIELD_BASE = 0.2  # How far a height field reaches below its lowest point [m]
 _WALL_DETAIL = 0.005  # Points of walls in a cell whose heights differ by less are one [m]
+_CRACK = 0.002  # Gaps between contact pieces up to this width are none [m]: tracks have a radius of 0.02
+_WALL_SLOPE = float(
+    np.deg2rad(50.0)
+)  # Steeper faces are walls, also where they are thinner than a cell [rad]
+
+
+class Grid(NamedTuple):
+    """Square cells, numbered row by row: cell = i * shape[1] + j."""
+
+    low: tuple[float, float]  # (x, y) of the lower corner of the first cell [m]
+    cell: float  # edge of a cell [m]
+    shape: tuple[int, int]  # number of cells along x and y
+
+    @property
+    def num_cells(self) -> int:
+        """Number of cells."""
+        return self.shape[0] * self.shape[1]
+
+    def compute_cells(self, places: Float[np.ndarray, "N 2"]) -> Cells:
+        """Return the cell of each (x, y); -1 beyond the grid."""
+        is_known = np.isfinite(places[:, 0] + places[:, 1])
+        steps = np.floor((np.where(is_known[:, None], places, self.low) - self.low) / self.cell)
+        return np.where(is_known, self._number(*steps.astype(np.int64).T), -1)
+
+    def compute_centers(self, cells: Cells) -> Float[np.ndarray, "N 2"]:
+        """Return (x, y) of the centers of cells [m]."""
+        steps = np.stack(np.divmod(cells, self.shape[1]), axis=1)
+        return np.asarray(self.low) + (steps + 0.5) * self.cell
+
+    def find_neighbors(self, cells: Cells, along_x: int, along_y: int) -> Cells:
+        """Return the cells that lie some cells farther; -1 beyond the grid."""
+        i, j = np.divmod(cells, self.shape[1])
+        return self._number(i + along_x, j + along_y)
+
+    def _number(self, i: Cells, j: Cells) -> Cells:
+        is_inside = (i >= 0) & (i < self.shape[0]) & (j >= 0) & (j < self.shape[1])
+        return np.where(is_inside, i * self.shape[1] + j, -1)
+
+
+def make_grid(low: Corner, high: Corner, cell: float, max_cells: int) -> Grid:
+    """Return a grid over a rectangle; its cells are wider than `cell` where there would be too many."""
+    extent = np.maximum(np.asarray(high, dtype=np.float64) - low, cell)
+    cell = max(cell, float(np.sqrt(np.prod(extent) / max_cells)))
+    shape = np.maximum(np.ceil(extent / cell - _ROUNDING).astype(np.int64), 1)
+    start = (np.asarray(low, dtype=np.float64) + high - shape * cell) / 2
+    return Grid((float(start[0]), float(start[1])), cell, (int(shape[0]), int(shape[1])))
+
+
+class Crossings(NamedTuple):
+    """Where vertical lines through the centers of cells meet triangles."""
+
+    triangle: Int[np.ndarray, " C"]  # number of the triangle
+    cell: Int[np.ndarray, " C"]  # number of the cell
+    height: Float[np.ndarray, " C"]  # z of the triangle there [m]
+
+
+def find_crossings(grid: Grid, corners: Triangles, margin: float = 0.0) -> Crossings:
+    """Return where vertical lines through the centers of cells meet triangles, triangle by triangle."""
+    margin = max(margin, _ROUNDING)
+    low, high = corners[..., :2].min(axis=1) - margin, corners[..., :2].max(axis=1) + margin
+    last_cell = np.asarray(grid.shape) - 1
+    first = np.clip(np.ceil((low - grid.low) / grid.cell - 0.5).astype(np.int64), 0, last_cell + 1)
+    last = np.clip(np.floor((high - grid.low) / grid.cell - 0.5).astype(np.int64), 0, last_cell)
+    counts = np.maximum(last - first + 1, 0)
+    is_flat = np.abs(_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) > 2 * _LEAST_AREA
+    counts[~is_flat] = 0
+    used = np.flatnonzero(counts.prod(axis=1))
+    group = np.cumsum(counts[used].prod(axis=1)) // _MOST_PAIRS
+    parts = [
+        _cross_some(grid, corners, margin, some, first, counts)
+        for some in np.split(used, np.flatnonzero(np.diff(group)) + 1)
+    ]
+    return Crossings(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _expand(counts: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " M"], Int[np.ndarray, " M"]]:
+    """Return for `counts[i]` things of each i: the i of each, and its number among them."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _cross_some(
+    grid: Grid, corners: Triangles, margin: float, some: Cells, first: Spots, counts: Spots
+) -> Crossings:
+    """Return the crossings of some triangles with the cells from their first one on, so many along x and y."""
+    owner, number = _expand(counts[some].prod(axis=1))
+    triangle = some[owner]
+    steps = first[triangle] + np.stack(np.divmod(number, counts[triangle, 1]), axis=1)
+    cell = steps[:, 0] * grid.shape[1] + steps[:, 1]
+    place, shape = np.asarray(grid.low) + (steps + 0.5) * grid.cell, corners[triangle]
+    turn = np.sign(_cross(shape[:, 1] - shape[:, 0], shape[:, 2] - shape[:, 0]))
+    is_inside = np.ones(len(place), dtype=bool)
+    for k in range(3):
+        edge, way = shape[:, (k + 1) % 3, :2] - shape[:, k, :2], place - shape[:, k, :2]
+        is_inside &= turn * _cross(edge, way) >= -margin * np.hypot(edge[:, 0], edge[:, 1])
+    triangle, cell, place, shape = (values[is_inside] for values in (triangle, cell, place, shape))
+    side_1, side_2, way = shape[:, 1] - shape[:, 0], shape[:, 2] - shape[:, 0], place - shape[:, 0, :2]
+    area = _cross(side_1, side_2)
+    height = shape[:, 0, 2] + (_cross(way, side_2) * side_1[:, 2] + _cross(side_1, way) * side_2[:, 2]) / area
+    return Crossings(triangle, cell, np.clip(height, shape[..., 2].min(axis=1), shape[..., 2].max(axis=1)))
+
+
+def _cross(one: Float[np.ndarray, "N d"], other: Float[np.ndarray, "N e"]) -> Float[np.ndarray, " N"]:
+    """Return the z component of the cross product."""
+    return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
 
 
 class SortedHeights:
-    """Heights in cells, sorted by cell, then height, so that many searches are one.
+    """Heights in cells, sorted by cell, then height (`order`), so that many searches are one."""
 
-    Attributes:
-        order: `[N]` the numbers of what was given, in order.
-        cells: `[N]` sorted.
-        heights: `[N]` sorted likewise [m].
-    """
-
-    def __init__(self, cells: Int[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> None:
+    def __init__(self, cells: Cells, heights: Heights) -> None:
         """Sort cells and heights."""
         self.order = np.lexsort((heights, cells))
         self.cells, self.heights = cells[self.order], heights[self.order]
@@ -35,20 +142,14 @@ class SortedHeights:
         self._range = (float(heights.max()) - self._low + 1.0) if len(heights) else 1.0
         self._keys = self._find_keys(self.cells, self.heights)
 
-    def _find_keys(
-        self, cells: Int[np.ndarray, " M"], heights: Float[np.ndarray, " M"]
-    ) -> Float[np.ndarray, " M"]:
+    def _find_keys(self, cells: Cells, heights: Heights) -> Float[np.ndarray, " N"]:
         return cells * self._range + np.clip(heights - self._low, 0.0, self._range)
 
-    def count_below(
-        self, cells: Int[np.ndarray, " M"], heights: Float[np.ndarray, " M"]
-    ) -> Int[np.ndarray, " M"]:
+    def count_below(self, cells: Cells, heights: Heights) -> Int[np.ndarray, " N"]:
         """Return how many are in earlier cells, or in the same cell and lower."""
         return np.searchsorted(self._keys, self._find_keys(cells, heights))
 
-    def find_nearest(
-        self, cells: Int[np.ndarray, " M"], heights: Float[np.ndarray, " M"]
-    ) -> Int[np.ndarray, " M"]:
+    def find_nearest(self, cells: Cells, heights: Heights) -> Int[np.ndarray, " N"]:
         """Return the place in the order of what is nearest in height in a cell; -1 for none, and for cell -1."""
         if not len(self.cells):
             return np.full(len(cells), -1)
@@ -71,42 +172,25 @@ class Spans(NamedTuple):
     clearance: Float[np.ndarray, " S"]  # free height above it [m]; inf under the open sky
 
 
-def find_spans(
-    grid: Grid, pieces: list[trimesh.Trimesh], height_field: HeightField | None, crack: float
-) -> Spans:
+def find_spans(grid: Grid, pieces: list[trimesh.Trimesh], height_field: HeightField | None) -> Spans:
     """Return what is solid along the vertical lines through the centers of cells."""
-    cell, low, high = _find_intervals(grid, pieces, crack)
+    corners = _join_triangles(pieces)
+    owner = np.repeat(np.arange(len(pieces)), [len(piece.faces) for piece in pieces])
+    found = find_crossings(grid, corners, _CRACK)
+    key = owner[found.triangle] * grid.num_cells + found.cell
+    order = np.argsort(key, kind="stable")
+    key, height = key[order], found.height[order]
+    starts = np.flatnonzero(np.diff(key, prepend=-1))
+    cell = key[starts] % grid.num_cells
+    low, high = (
+        each.reduceat(height, starts) if len(starts) else height for each in (np.minimum, np.maximum)
+    )
     if height_field is not None:
         ground = find_crossings(grid, np.asarray(height_field.as_mesh().triangles))
         base = np.full(len(ground.cell), float(height_field.heights.min()) - _FIELD_BASE)
         cell = np.concatenate([cell, ground.cell])
         low, high = np.concatenate([low, base]), np.concatenate([high, ground.height])
-    return _merge(cell, low, high, crack)
-
-
-def _find_intervals(
-    grid: Grid, pieces: list[trimesh.Trimesh], margin: float
-) -> tuple[Int[np.ndarray, " I"], Float[np.ndarray, " I"], Float[np.ndarray, " I"]]:
-    """Return cell, lower and upper end of each piece along each vertical line that it meets."""
-    if not pieces:
-        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
-    corners = np.concatenate([np.asarray(piece.triangles, dtype=np.float64) for piece in pieces])
-    owner = np.repeat(np.arange(len(pieces)), [len(piece.faces) for piece in pieces])
-    crossings = find_crossings(grid, corners, margin)
-    key = owner[crossings.triangle] * grid.num_cells + crossings.cell
-    order = np.argsort(key, kind="stable")
-    key, height = key[order], crossings.height[order]
-    starts = np.flatnonzero(np.diff(key, prepend=-1))
-    if not len(starts):
-        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
-    low, high = np.minimum.reduceat(height, starts), np.maximum.reduceat(height, starts)
-    return key[starts] % grid.num_cells, low, high
-
-
-def _merge(
-    cell: Int[np.ndarray, " I"], low: Float[np.ndarray, " I"], high: Float[np.ndarray, " I"], gap: float
-) -> Spans:
-    """Join intervals of a cell that overlap or nearly touch."""
+    # Intervals of a cell that overlap or nearly touch are one.
     if not len(cell):
         return Spans(cell, low, high, high)
     order = np.lexsort((low, cell))
@@ -115,7 +199,7 @@ def _merge(
     lift = rank * (high.max() - low.min() + 1.0)  # earlier cells never reach into later ones
     reached = np.maximum.accumulate(high + lift) - lift
     is_first = np.ones(len(cell), dtype=bool)
-    is_first[1:] = (np.diff(cell) > 0) | (low[1:] > reached[:-1] + gap)
+    is_first[1:] = (np.diff(cell) > 0) | (low[1:] > reached[:-1] + _CRACK)
     starts = np.flatnonzero(is_first)
     cell, low, high = cell[starts], low[starts], np.maximum.reduceat(high, starts)
     clearance = np.full(len(cell), np.inf)
@@ -124,16 +208,19 @@ def _merge(
     return Spans(cell, low, high, clearance)
 
 
-def find_walls(grid: Grid, pieces: list[trimesh.Trimesh], slope: float) -> SortedHeights:
+def _join_triangles(pieces: list[trimesh.Trimesh]) -> Triangles:
+    return np.concatenate([np.zeros((0, 3, 3)), *(np.asarray(piece.triangles) for piece in pieces)])
+
+
+def find_walls(grid: Grid, pieces: list[trimesh.Trimesh]) -> SortedHeights:
     """Return heights of points all over the steep faces of pieces, in their cells.
 
     Walls thinner than a cell lie between the lines through the centers, where `find_spans` does not see them.
     """
-    points = [np.zeros((0, 3))]
-    if pieces:
-        corners = np.concatenate([np.asarray(piece.triangles, dtype=np.float64) for piece in pieces])
-        points.append(_sample(corners[_is_steep(corners, slope)], grid.cell / 2))
-    walls = np.concatenate(points)
+    corners = _join_triangles(pieces)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_steep = np.abs(normal[:, 2]) < np.cos(_WALL_SLOPE) * np.linalg.norm(normal, axis=1)
+    walls = _sample(corners[is_steep], grid.cell / 2)
     cells = grid.compute_cells(walls[:, :2])
     level = np.floor(walls[:, 2] / _WALL_DETAIL).astype(np.int64)
     level -= level.min(initial=0)
@@ -142,19 +229,14 @@ def find_walls(grid: Grid, pieces: list[trimesh.Trimesh], slope: float) -> Sorte
     return SortedHeights(cells[kept], walls[kept, 2])
 
 
-def _is_steep(corners: Float[np.ndarray, "T 3 3"], slope: float) -> Bool[np.ndarray, " T"]:
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.abs(normal[:, 2]) < np.cos(slope) * np.linalg.norm(normal, axis=1)
-
-
-def _sample(corners: Float[np.ndarray, "T 3 3"], spacing: float) -> Float[np.ndarray, "N 3"]:
+def _sample(corners: Triangles, spacing: float) -> Float[np.ndarray, "N 3"]:
     """Return points all over triangles, no farther apart than a spacing, rims included."""
     edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     turn = (edges.argmin(axis=1)[:, None] + np.arange(3)) % 3  # the first two corners: of the shortest edge
     one, other, tip = (corners[np.arange(len(corners)), turn[:, k]] for k in range(3))
     across = np.ceil(edges.min(axis=1) / spacing).astype(np.int64)
     along = np.ceil(edges.max(axis=1) / spacing).astype(np.int64)
-    owner, number = expand((across + 1) * (along + 1))
+    owner, number = _expand((across + 1) * (along + 1))
     i, j = np.divmod(number, across[owner] + 1)
     u, v = i / np.maximum(along[owner], 1), j / np.maximum(across[owner], 1)
     base = one[owner] + v[:, None] * (other - one)[owner]

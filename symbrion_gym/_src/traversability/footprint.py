@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -58,9 +57,9 @@ class Footprint:
 
     def __post_init__(self) -> None:
         check_positive(self, ("length", "width", "height", "max_slope", "max_roll"), OptionError)
-        check_not_negative(self, ("max_step",), OptionError)
-        if self.radius is not None:
-            check_not_negative(self, ("radius",), OptionError)
+        check_not_negative(
+            self, ("max_step",) if self.radius is None else ("max_step", "radius"), OptionError
+        )
         for name in ("max_slope", "max_roll"):
             if not getattr(self, name) < np.pi / 2:
                 raise OptionError(f"Footprint: {name} must be below pi/2 rad, got {getattr(self, name)!r}")
@@ -95,46 +94,10 @@ class Footprint:
             width=round(float(extent[1]), 9),
             height=body.scout.size[2] + body.scout.track_radius,
             max_slope=min(SLOPE_LIMIT, hold),
-            max_step=_read_limit(STEP_LIMITS, in_a_row),
+            max_step=STEP_LIMITS[bisect_right([row for row, _ in STEP_LIMITS], in_a_row) - 1][1],
         )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields, for JSON."""
-        return asdict(self)
-
-
-@dataclass(frozen=True)
-class TraversabilityConfig:
-    """How ground is found and mapped.
-
-    Raises:
-        OptionError: a number is out of range.
-    """
-
-    # edge of a cell [m]; None for half the width of the body: finer cells cost time, wider ones miss steps
-    cell: float | None = None
-    # cells are wider where there would be more; a million take about 10 s and 1 GB
-    max_cells: int = 1_000_000
-    # ground has surface that looks up within this distance above or below [m]: contact geometry is about 0.06
-    # thick, so that the upper side of a ceiling that was seen from below alone does not count
-    surface_distance: float = 0.10
-    # gaps between contact pieces up to this width are none [m]: tracks have a radius of 0.02
-    crack: float = 0.002
-    # faces steeper than this are walls, also where they are thinner than a cell [rad]
-    wall_slope: float = float(np.deg2rad(50.0))
-    max_distance: float = 1.0  # distances from walls are known up to this [m]
-
-    def __post_init__(self) -> None:
-        names = [each.name for each in fields(self) if each.name not in ("cell", "crack")]
-        check_positive(self, names if self.cell is None else [*names, "cell"], OptionError)
-        check_not_negative(self, ("crack",), OptionError)
 
 
 def compute_hold(friction: float | Float[np.ndarray, " P"]) -> Float[np.ndarray, "*P"]:
     """Return the steepest slope on which tracks hold [rad]."""
     return np.asarray(_FRICTION_SHARE * np.arctan(friction))
-
-
-def _read_limit(table: tuple[tuple[int, float], ...], count: int) -> float:
-    """Return what the longest row of modules in a table that is no longer than `count` climbs."""
-    return table[bisect_right([row for row, _ in table], max(count, 1)) - 1][1]

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from reconstruction._src.base.range_checks import check_not_negative, check_positive
-from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import compute_hold
 
-_SLIPPERY = 0.9  # Ground with less than this share of the largest friction is slippery
+Point = Float[np.ndarray, " 3"]  # [m]
+Usable = Bool[np.ndarray, " P"]  # Of each place of a map, whether it may be used
 Place = Sequence[float] | np.ndarray  # (x, y), or (x, y, z) where there are several storeys [m]
 FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
 """From places on the ground [m] to whether the scanner saw each."""
 
-
+_SLIPPERY = 0.9  # Ground with less than this share of the largest friction is slippery
 _AMPLE_ROOM = 2.0
 """Start and goal are chosen where the distance from walls is this many times the body's reach, or among the
 half of the region with the most room."""
@@ -34,27 +33,15 @@ body stays upright, or among the half of the region with the least."""
 _NUM_ENDS = 4000  # Places of which start and goal are chosen at most, evenly spread
 _STOREY = 0.25  # A given z is that of ground no farther above or below than this [m]; half a storey is more
 _LOOK_AHEAD = 0.3  # The start heads for the path this far ahead [m]
-
-
-@dataclass(frozen=True)
-class RouteConfig:
-    """How a route is chosen.
-
-    Raises:
-    """
-
-    # a route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s
-    max_length: float = 10.0
-    # likewise ground as steep as the body climbs, against level ground; less slope costs less, by its square.
-    # Slippery ground that is steeper than tracks hold on it costs still more.
-    slope_cost: float = 3.0
-    # ground without friction costs this many times more per length than the least slippery ground; what is
-    # between, in proportion: paths go around ice where they can
-    slip_cost: float = 6.0
-
-    def __post_init__(self) -> None:
-        check_positive(self, ["max_length"], OptionError)
-        check_not_negative(self, ["slope_cost", "slip_cost"], OptionError)
+_MAX_LENGTH = 10.0  # A route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s
+_SLOPE_COST = 3.0
+"""Ground as steep as the body climbs costs this many times more per length than level ground; less slope costs less, by
+its square. Slippery ground that is steeper than tracks hold on it costs still more."""
+_SLIP_COST = 6.0
+"""Ground without friction costs this many times more per length than the least slippery ground; what is between, in
+proportion: paths go around ice where they can."""
+_NUM_DIRECTIONS = 36  # Ways through a place are tried in as many directions, 5 degrees apart
+_NUM_ANCHORS = 32  # Places through which straight ways are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +56,13 @@ class DrivingRoute:
     clearance: float  # smallest distance of the path from walls, rims and ground that is too steep [m]
     region: int  # number of the region on the map
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields, for JSON."""
-        return {each.name: getattr(self, each.name) for each in fields(self)} | {"path": self.path.tolist()}
-
 
 def find_driving_route(
     ground: TraversabilityMap,
     start: Place | None = None,
     goal: Place | None = None,
     name: str = "arena",
-    config: RouteConfig | None = None,
+    max_length: float | None = None,
     find_seen: FindSeen | None = None,
     friction: Float[np.ndarray, " P"] | None = None,
 ) -> DrivingRoute:
@@ -87,59 +70,66 @@ def find_driving_route(
 
     Without start and goal, they are two places of the largest region that are far apart, with room around them.
     """
-    config = config or RouteConfig()
     if not ground.num_regions:
         raise ArenaError(
             f"arena {name!r} has no drivable ground for a body of {ground.footprint.length:.2f} x "
             f"{ground.footprint.width:.2f} m; give a smaller body or one that climbs more, or, if the scan has another "
             "axis up than z, say so where it is read (--up y, up='y')"
         )
+    if max_length is not None and not max_length > 0.0:
+        raise ArenaError(f"max_length must be above 0, got {max_length!r}")
     if start is not None and goal is not None and np.array_equal(start, goal):
         raise ArenaError(f"start and goal are the same place {goal!r}; move one of them")
-    first = None if start is None else find_drivable_place(ground, "start", start, name, config)
-    region = 0 if first is None else int(ground.region[first])
-    last = None
-    if goal is not None:
-        wanted = None if first is None else region
-        last = find_drivable_place(ground, "goal", goal, name, config, wanted)
+    first = None if start is None else _find_drivable_place(ground, "start", start, name)
+    region = None if first is None else int(ground.region[first])
+    last = None if goal is None else _find_drivable_place(ground, "goal", goal, name, region)
+    if last is not None:
         region = int(ground.region[last])
+    region = region or 0
     friction = np.ones(len(ground.cell)) if friction is None else friction
-    graph = _make_cost_graph(ground, config, friction)
-    first, last = _choose_ends(ground, region, first, last, config, find_seen, friction)
-    path = _follow(graph, first, last)
+    graph = _make_cost_graph(ground, friction)
+    first, last = _choose_ends(ground, region, first, last, max_length or _MAX_LENGTH, find_seen, friction)
+    before = dijkstra(graph, indices=first, return_predecessors=True)[1]
+    path = [last]
+    while path[-1] != first:
+        path.append(int(before[path[-1]]))
+    path = np.array(path[::-1])
     points = ground.positions[path]
     for index, given in ((0, start), (-1, goal)):
         if given is not None:
             points[index, :2] = np.asarray(given, dtype=np.float64)[:2]
-    return _make_route(points, float(ground.wall_distance[path].min()), region)
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    ahead = points[min(np.searchsorted(travelled, _LOOK_AHEAD), len(points) - 1)] - points[0]
+    (start_x, start_y, start_z), (goal_x, goal_y, goal_z) = points[[0, -1]].tolist()
+    return DrivingRoute(
+        start=(start_x, start_y, start_z),
+        goal=(goal_x, goal_y, goal_z),
+        heading=float(np.arctan2(ahead[1], ahead[0])),
+        path=points,
+        length=float(travelled[-1]),
+        clearance=float(ground.wall_distance[path].min()),
+        region=region,
+    )
 
 
-def find_drivable_place(
-    ground: TraversabilityMap,
-    what: str,
-    place: Place,
-    name: str = "arena",
-    config: RouteConfig | None = None,
-    region: int | None = None,
+def _find_drivable_place(
+    ground: TraversabilityMap, what: str, place: Place, name: str, region: int | None = None
 ) -> int:
     """Return the number of the drivable place at (x, y) or (x, y, z)."""
-    config = config or RouteConfig()
     point = read_place(what, place)
-    is_usable = ground.is_drivable if region is None else ground.region == region
-    usable = np.flatnonzero(is_usable)
+    usable = np.flatnonzero(ground.is_drivable if region is None else ground.region == region)
     offset = ground.positions[usable] - np.append(point, 0.0)[:3]
     flat = np.abs(offset[:, :2]).max(axis=1)
     is_near = flat <= ground.grid.cell / 2 * (1 + 1e-9)
     if len(point) == 3:
         is_near &= np.abs(offset[:, 2]) <= _STOREY
-    if is_near.any():
-        near = usable[is_near]
-        if len(point) == 3:
-            gap = np.linalg.norm(offset[is_near], axis=1)
-            return int(near[np.argmin(gap)])
+    near = usable[is_near]
+    if len(near) and len(point) == 3:
+        return int(near[np.argmin(np.linalg.norm(offset[is_near], axis=1))])
+    if len(near):
         return int(near[np.lexsort((flat[is_near], ground.region[near]))[0]])
     distance = np.linalg.norm(offset[:, : len(point)], axis=1)
-    nearest = tuple(np.round(ground.positions[usable[np.argmin(distance)]], 2).tolist())
+    nearest = _show(ground.positions[usable[np.argmin(distance)]], 2)
     why = "has no drivable ground" if region is None else "is not connected to the start"
     raise ArenaError(
         f"the {what} {_show(point)} {why} in arena {name!r}; the nearest possible place is {nearest}"
@@ -157,27 +147,25 @@ def read_place(what: str, place: Place) -> Float[np.ndarray, " d"]:
     return point
 
 
-def _show(point: Float[np.ndarray, " d"]) -> str:
-    return str(tuple(np.round(point, 3).tolist()))
+def _show(point: Float[np.ndarray, " d"], digits: int = 3) -> str:
+    return str(tuple(np.round(point, digits).tolist()))
 
 
-def _make_cost_graph(
-    ground: TraversabilityMap, config: RouteConfig, friction: Float[np.ndarray, " P"]
-) -> csr_matrix:
+def _make_cost_graph(ground: TraversabilityMap, friction: Float[np.ndarray, " P"]) -> csr_matrix:
     """Return the graph of drivable places; its lengths are longer near walls, on slopes and on slippery ground."""
-    graph = ground.find_graph(ground.is_drivable).tocoo()
+    graph = ground.graph.tocoo()
     ample = _AMPLE_ROOM * max(ground.footprint.reach, ground.grid.cell)
     nearness = np.clip(1.0 - (ground.wall_distance - ground.footprint.reach) / ample, 0.0, 1.0)
-    slope, is_slippery = np.nan_to_num(ground.slope), select_slippery(friction)
+    slope, is_slippery = np.nan_to_num(ground.slope), _select_slippery(friction)
     steepness = np.clip(slope / ground.footprint.max_slope, 0.0, 1.0) ** 2
     steepness = np.where(is_slippery, np.maximum(steepness, (slope / compute_hold(friction)) ** 2), steepness)
     slip = 1.0 - friction / friction.max(initial=0.0)
-    cost = _WALL_COST * nearness + config.slope_cost * steepness + config.slip_cost * slip
+    cost = _WALL_COST * nearness + _SLOPE_COST * steepness + _SLIP_COST * slip
     factor = 1.0 + (cost[graph.row] + cost[graph.col]) / 2
     return csr_matrix((graph.data * factor, (graph.row, graph.col)), graph.shape)
 
 
-def select_slippery(friction: Float[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:
+def _select_slippery(friction: Float[np.ndarray, " P"]) -> Usable:
     """Return which places have clearly less friction than the least slippery one."""
     return friction < _SLIPPERY * friction.max(initial=0.0)
 
@@ -187,22 +175,21 @@ def _choose_ends(
     region: int,
     first: int | None,
     last: int | None,
-    config: RouteConfig,
+    max_length: float,
     find_seen: FindSeen | None,
     friction: Float[np.ndarray, " P"],
 ) -> tuple[int, int]:
     """Return start and goal; what is missing is chosen far from the other, with room on level ground around it."""
     if first is not None and last is not None:
         return first, last
-    is_firm = (ground.region == region) & ~select_slippery(friction)
+    is_firm = (ground.region == region) & ~_select_slippery(friction)
     roomy = _select_good_ends(ground, is_firm if is_firm.any() else ground.region == region, find_seen)
-    lengths = ground.find_graph(ground.is_drivable)
     if first is None and last is None:
         middle = roomy[np.argmax(ground.wall_distance[roomy])]
-        first = _find_far(lengths, int(middle), roomy, np.inf)
+        first = _find_far(ground.graph, int(middle), roomy, np.inf)
     known = first if first is not None else last
     assert known is not None
-    other = _find_far(lengths, known, roomy, config.max_length)
+    other = _find_far(ground.graph, known, roomy, max_length)
     if other == known:
         raise ArenaError(
             f"the drivable region at {_show(ground.positions[known])} has only {ground.region_areas[region]:.2f} m², "
@@ -212,62 +199,28 @@ def _choose_ends(
 
 
 def _select_good_ends(
-    ground: TraversabilityMap,
-    inside: Bool[np.ndarray, " P"],
-    find_seen: FindSeen | None,
+    ground: TraversabilityMap, inside: Usable, find_seen: FindSeen | None
 ) -> Int[np.ndarray, " N"]:
     """Return places with room around them, on level ground, that the scanner saw, as far as there are such."""
-    ample = _AMPLE_ROOM * ground.footprint.reach
-    is_good = inside & (ground.wall_distance >= min(ample, np.median(ground.wall_distance[inside])))
-    slope = _compute_steepest(ground)
-    level = _LEVEL * ground.footprint.max_roll
-    is_good &= slope <= max(level, np.median(slope[is_good]))
+    reach = ground.footprint.reach
+    is_good = inside & (
+        ground.wall_distance >= min(_AMPLE_ROOM * reach, np.median(ground.wall_distance[inside]))
+    )
+    slope = np.nan_to_num(ground.slope)
+    for _ in range(int(np.ceil(reach / ground.grid.cell))):  # the steepest under a body that turns here
+        near = np.where(ground.links >= 0, slope[ground.links], 0.0)
+        slope = np.maximum(slope, near.max(axis=1, initial=0.0))
+    is_good &= slope <= max(_LEVEL * ground.footprint.max_roll, np.median(slope[is_good]))
     good = np.flatnonzero(is_good)
     good = good[np.unique(np.linspace(0, len(good) - 1, min(len(good), _NUM_ENDS)).astype(np.int64))]
     is_seen = find_seen(ground.positions[good]) if find_seen is not None else np.zeros(len(good), dtype=bool)
     return good[is_seen] if is_seen.any() else good
 
 
-def _compute_steepest(ground: TraversabilityMap) -> Float[np.ndarray, " P"]:
-    """Return the largest slope of the ground that a body stands on which turns at a place [rad]."""
-    slope = np.nan_to_num(ground.slope)
-    for _ in range(int(np.ceil(ground.footprint.reach / ground.grid.cell))):
-        near = np.where(ground.links >= 0, slope[ground.links], 0.0)
-        slope = np.maximum(slope, near.max(axis=1, initial=0.0))
-    return slope
-
-
 def _find_far(graph: csr_matrix, start: int, candidates: Int[np.ndarray, " N"], most: float) -> int:
     """Return the candidate that is farthest from the start by length of the way, up to a length."""
     distance = dijkstra(graph, indices=start)[candidates]
     return int(candidates[np.argmax(np.where(distance <= most, distance, -1.0))])
-
-
-def _follow(graph: csr_matrix, first: int, last: int) -> Int[np.ndarray, " W"]:
-    """Return the places of the cheapest path."""
-    before = dijkstra(graph, indices=first, return_predecessors=True)[1]
-    path = [last]
-    while path[-1] != first:
-        path.append(int(before[path[-1]]))
-    return np.array(path[::-1])
-
-
-def _make_route(points: Float[np.ndarray, "W 3"], clearance: float, region: int) -> DrivingRoute:
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    ahead = points[min(np.searchsorted(travelled, _LOOK_AHEAD), len(points) - 1)] - points[0]
-    (start_x, start_y, start_z), (goal_x, goal_y, goal_z) = points[[0, -1]].tolist()
-    return DrivingRoute(
-        start=(start_x, start_y, start_z),
-        goal=(goal_x, goal_y, goal_z),
-        heading=float(np.arctan2(ahead[1], ahead[0])),
-        path=points,
-        length=float(travelled[-1]),
-        clearance=clearance,
-        region=region,
-    )
-
-
-_NUM_DIRECTIONS = 36  # Ways through a place are tried in as many directions, 5 degrees apart
 
 
 def find_nearest_level(
@@ -294,8 +247,8 @@ def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name
         possible = np.flatnonzero(ground.is_drivable | ~ground.is_drivable.any())
         nearest = ground.positions[possible[np.argmin(np.linalg.norm(offset[possible], axis=1))]]
         raise ArenaError(
-            f"the {what} {tuple(point.tolist())} lies off the ground of arena {name!r}; the nearest possible place is "
-            f"{tuple(np.round(nearest, 2).tolist())}"
+            f"the {what} {_show(point)} lies off the ground of arena {name!r}; the nearest possible place is "
+            f"{_show(nearest, 2)}"
         )
     flat = np.linalg.norm(offset[near, :2], axis=1)
     if len(point) == 3:
@@ -305,14 +258,12 @@ def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name
     return int(near[np.lexsort((flat, storeys, region))[0]])
 
 
-def find_straight_way(
-    ground: TraversabilityMap, is_usable: Bool[np.ndarray, " P"], num_anchors: int = 32
-) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None:
+def find_straight_way(ground: TraversabilityMap, is_usable: Usable) -> tuple[Point, Point] | None:
     """Return both ends of about the longest straight way over usable places, to larger x; None where there is none."""
     usable = np.flatnonzero(is_usable)
     if not len(usable):
         return None
-    anchors = usable[_spread(ground.positions[usable, :2], num_anchors)]
+    anchors = usable[_spread(ground.positions[usable, :2])]
     angles = (np.arange(_NUM_DIRECTIONS) - _NUM_DIRECTIONS // 2 + 1) * np.pi / _NUM_DIRECTIONS
     anchor, angle = np.repeat(anchors, len(angles)), np.tile(angles, len(anchors))
     forth = _march(ground, is_usable, anchor, angle)
@@ -321,9 +272,7 @@ def find_straight_way(
     return back[best], forth[best]
 
 
-def find_straight_way_from(
-    ground: TraversabilityMap, is_usable: Bool[np.ndarray, " P"], start: int
-) -> Float[np.ndarray, " 3"]:
+def find_straight_way_from(ground: TraversabilityMap, is_usable: Usable, start: int) -> Point:
     """Return the end of the longest straight way over usable places from a place; the place itself for none."""
     angles = np.arange(2 * _NUM_DIRECTIONS) * np.pi / _NUM_DIRECTIONS
     ends = _march(ground, is_usable, np.full(len(angles), start), angles)
@@ -331,11 +280,11 @@ def find_straight_way_from(
     return ends[int(np.argmax(np.round(reached, 6)))]
 
 
-def _spread(places: Float[np.ndarray, "N 2"], count: int) -> Int[np.ndarray, " A"]:
+def _spread(places: Float[np.ndarray, "N 2"]) -> Int[np.ndarray, " A"]:
     """Return numbers of places that are far from each other, beginning with the one nearest to the mean."""
     chosen = [int(np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1)))]
     gap = np.linalg.norm(places - places[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(places)):
+    while len(chosen) < min(_NUM_ANCHORS, len(places)):
         chosen.append(int(np.argmax(gap)))
         gap = np.minimum(gap, np.linalg.norm(places - places[chosen[-1]], axis=1))
     return np.array(chosen)
@@ -343,7 +292,7 @@ def _spread(places: Float[np.ndarray, "N 2"], count: int) -> Int[np.ndarray, " A
 
 def _march(
     ground: TraversabilityMap,
-    is_usable: Bool[np.ndarray, " P"],
+    is_usable: Usable,
     anchors: Int[np.ndarray, " R"],
     angles: Float[np.ndarray, " R"],
 ) -> Float[np.ndarray, "R 3"]:

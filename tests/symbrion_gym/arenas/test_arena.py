@@ -21,7 +21,6 @@ from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym._src.contact.deadline import Deadline
 from symbrion_gym._src.contact.quality import ArenaQuality, measure_arena
 from symbrion_gym._src.errors import ArenaError
 
@@ -322,14 +321,11 @@ def test_figures_of_nothing_are_written_as_strict_json(tmp_path):
     assert Arena.load(tmp_path / "walls").quality == arena.quality
 
 
-def test_what_the_time_limit_cut_short_is_not_kept(tmp_path, monkeypatch):
+def test_what_the_time_limit_cut_short_is_not_kept(tmp_path):
     walls = make_walls()
-    monkeypatch.setattr(Deadline, "has_cut_short", property(lambda deadline: True))
-    arena = make_arena(walls, cache=tmp_path, kind="prisms")
-    assert arena.provenance["was_cut_short"]
+    assert make_arena(walls, cache=tmp_path, time_limit=1e-6).provenance["was_cut_short"]
     assert not list(tmp_path.glob("*.npz"))
-    monkeypatch.setattr(Deadline, "has_cut_short", property(lambda deadline: False))
-    assert "was_cut_short" not in make_arena(walls, cache=tmp_path, kind="prisms").provenance
+    assert "was_cut_short" not in make_arena(walls, cache=tmp_path).provenance
     assert len(list(tmp_path.glob("*.npz"))) == 1
 
 

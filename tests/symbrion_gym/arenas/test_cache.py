@@ -8,8 +8,7 @@ import trimesh
 from damage import flip_bits
 
 from symbrion_gym._src.arenas.cache import get_or_make, read_entry, write_entry
-from symbrion_gym._src.contact.kinds import Contact, HeightField
-from symbrion_gym._src.contact.options import ContactOptions
+from symbrion_gym._src.contact.kinds import Contact, ContactOptions, HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 
 BOX = trimesh.creation.box((1.0, 2.0, 0.1))

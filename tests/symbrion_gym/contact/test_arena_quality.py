@@ -36,10 +36,3 @@ def test_impossible_fields_are_refused(name, value):
 def test_unknown_fields_are_refused():
     with pytest.raises(ArenaError, match="beams_missed"):
         ArenaQuality.from_dict(FULL.as_dict() | {"beams_missed": 0.1})
-
-
-def test_gaps_of_two_points():
-    quality = ArenaQuality.of_gaps(np.array([0.02, -0.04]), 0.25, 3, 1.0)
-    assert quality.mean == pytest.approx(0.03)
-    assert quality.bias == pytest.approx(-0.01)
-    assert (quality.max, quality.uncovered, quality.num_pieces) == (0.04, 0.25, 3)

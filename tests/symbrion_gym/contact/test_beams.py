@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from constants import with_constants
 
-from symbrion_gym._src.contact import visibility
-from symbrion_gym._src.contact.inside import compute_depths, find_planes
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.contact.visibility import (
@@ -41,19 +38,14 @@ def sample(count: int = 3000) -> np.ndarray:
     return np.asarray(trimesh.sample.sample_surface(ROOM, count, seed=3)[0])
 
 
-def test_walls_that_grow_away_from_the_scanner_keep_every_beam():
-    seen = measure_visibility(sample(), CENTER, None, make_walls(0.2), ROOM)
-    assert seen is not None
-    assert (seen.beams_contact, seen.beams_surface, seen.free_space) == (1.0, 1.0, 0.0)
-    assert seen.num_beams == 3000
-
-
-def test_walls_that_grow_towards_the_scanner_end_every_beam_early():
-    seen = measure_visibility(sample(), CENTER, None, make_walls(-0.5), ROOM)
-    assert seen is not None
-    assert seen.beams_contact == 0.0
-    assert seen.beams_surface == 1.0
-    assert 0.1 < seen.free_space < 0.3
+@pytest.mark.parametrize(
+    ("thickness", "beams", "free_space"), [(0.2, 1.0, 0.0), (-0.5, 0.0, 0.2), (None, 0.0, 0.0)]
+)
+def test_walls_may_grow_away_from_the_scanner_only(thickness, beams, free_space):
+    walls = [] if thickness is None else make_walls(thickness)
+    seen = measure_visibility(sample(), CENTER, None, walls, ROOM)
+    assert (seen.beams_contact, seen.beams_surface, seen.num_beams) == (beams, 1.0, 3000)
+    assert seen.free_space == pytest.approx(free_space, abs=0.1 if free_space else 0.0)
 
 
 @pytest.mark.parametrize(("depth", "share"), [(0.04, 1.0), (0.06, 0.0)])
@@ -61,37 +53,14 @@ def test_a_beam_ends_within_five_centimeters(depth, share):
     points = np.array([[2.0, 0.0, 0.0], [2.0, 0.1, 0.0]])
     wall = [make_box([2.0 - depth, -2, -1.5], [2.2, 2, 1.5])]
     seen = measure_visibility(points, CENTER, None, wall, ROOM)
-    assert seen is not None
     assert seen.beams_contact == share
-
-
-def test_solid_share_of_one_beam_is_the_share_of_its_length():
-    slab = [make_box([0.4, -1, -1], [0.8, 1, 1])]
-    with with_constants(visibility, samples=1000, end_share=1.0, end_margin=0.0):
-        seen = measure_visibility(np.array([[2.0, 0.0, 0.0]]), CENTER, None, slab, ROOM)
-    assert seen is not None
-    assert seen.free_space == pytest.approx(0.4 / 2.0, abs=2e-3)
-
-
-def test_free_space_ends_before_the_reading():
-    wall = [make_box([1.91, -1, -1], [2.5, 1, 1])]
-    seen = measure_visibility(np.array([[2.0, 0.0, 0.0]]), CENTER, None, wall, ROOM)
-    assert seen is not None
-    assert seen.free_space == 0.0
 
 
 def test_a_scanner_inside_a_piece_sees_nothing():
     pieces = [*make_walls(0.2), make_box([-0.5] * 3, [0.5] * 3)]
     seen = measure_visibility(sample(), CENTER, None, pieces, ROOM)
-    assert seen is not None
     assert seen.beams_contact == 0.0
     assert seen.free_space > 0.1
-
-
-def test_no_contact_ends_no_beam():
-    seen = measure_visibility(sample(), CENTER, None, [], ROOM)
-    assert seen is not None
-    assert (seen.beams_contact, seen.beams_surface, seen.free_space) == (0.0, 1.0, 0.0)
 
 
 def test_height_field_is_solid_below():
@@ -101,7 +70,6 @@ def test_height_field_is_solid_below():
     for height, share in ((0.0, 1.0), (1.5, 0.0)):
         field = HeightField(np.full((5, 5), height), np.array([0.0, 0.0]), np.array([4.0, 4.0]))
         seen = measure_visibility(points, viewpoint, None, field, ground)
-        assert seen is not None
         assert seen.beams_contact == share
         assert (seen.free_space > 0.5) == (height > 1.0)
 
@@ -122,7 +90,6 @@ def test_many_readings_are_a_fixed_sample():
     first = measure_visibility(points, CENTER, None, make_walls(-0.04), ROOM)
     again = measure_visibility(points, CENTER, None, make_walls(-0.04)[::-1], ROOM)
     assert first == again
-    assert first is not None
     assert first.num_beams == 20_000
 
 
@@ -132,7 +99,6 @@ def test_place_in_the_world_does_not_matter():
     for mesh in (*pieces, room):
         mesh.apply_translation(shift)
     seen = measure_visibility(sample() + shift, CENTER + shift, None, pieces, room)
-    assert seen is not None
     assert (seen.beams_contact, seen.beams_surface, seen.free_space) == (1.0, 1.0, 0.0)
 
 
@@ -149,21 +115,6 @@ def test_without_beams_quality_stays_as_it_is():
 def test_viewpoints_that_do_not_exist_are_refused(seen_from):
     with pytest.raises(ArenaError, match="seen_from"):
         measure_visibility(sample(2), CENTER, seen_from, make_walls(0.2), ROOM)
-
-
-def test_depths_in_two_overlapping_boxes():
-    pieces = [make_box([0, 0, 0], [1, 1, 1]), make_box([0.5, 0, 0], [1.5, 1, 1])]
-    points = np.array([[0.2, 0.5, 0.5], [0.75, 0.5, 0.5], [0.9, 0.5, 0.5], [2, 0.5, 0.5], [0, 0.5, 0.5]])
-    assert compute_depths(points, pieces) == pytest.approx([0.2, 0.25, 0.4, 0.0, 0.0])
-    assert len(compute_depths(points[:0], pieces)) == 0
-
-
-def test_planes_of_a_box_do_not_depend_on_its_winding():
-    box = make_box([0, 0, 0], [1, 2, 3])
-    planes = find_planes(box)
-    assert len(planes) == 6
-    box.invert()
-    assert np.array_equal(planes, find_planes(box))
 
 
 def test_rays_hit_the_first_triangle_from_either_side():

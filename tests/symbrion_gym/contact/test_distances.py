@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym._src.contact.distances import SurfaceDistance
+from symbrion_gym._src.contact.distances import (
+    SurfaceDistance,
+    compute_depths,
+    compute_offsets,
+    find_signed_nearest,
+)
+from symbrion_gym._src.contact.kinds import HeightField
 
 
 def make_floor() -> trimesh.Trimesh:
@@ -39,12 +45,61 @@ def test_a_wall_without_contact_is_seen():
     assert SurfaceDistance(room).measure([make_slab(0.0)]).uncovered == pytest.approx(0.5 * 0.975, abs=0.02)
 
 
-def test_a_thin_piece_in_front_is_not_left_through_its_back():
-    quality = SurfaceDistance(make_floor()).measure(
-        [trimesh.creation.box(bounds=[[-1, -1, -0.01], [3, 3, 0.08]])]
+SLAB = trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def find_above(points: np.ndarray, contact) -> np.ndarray:
+    return compute_offsets(points, np.tile(UP, (len(points), 1)), contact)
+
+
+def test_offsets_from_a_slab():
+    points = np.array([[1.0, 1.0, 0.03], [1.0, 1.0, -0.03], [1.0, 1.0, 0.0], [5.0, 1.0, -0.1]])
+    assert find_above(points, [SLAB]) == pytest.approx([-0.03, 0.03, 0.0, -1.0])
+
+
+def test_a_thin_slab_far_before_the_surface_stands_in_front_of_it():
+    below = np.array([[1.0, 1.0, -0.5]])
+    assert find_above(below, [SLAB]) == pytest.approx([0.3])
+    assert compute_offsets(below, -UP[None], [SLAB]) == pytest.approx([-0.3])
+
+
+def test_offsets_from_a_height_field():
+    field = HeightField(np.zeros((3, 3)), np.array([0.0, 0.0]), np.array([4.0, 2.0]))
+    points = np.array([[1.0, 1.0, 0.03], [1.0, 1.0, -0.03], [5.0, 1.0, 0.0]])
+    assert find_above(points, field) == pytest.approx([-0.03, 0.03, -1.0])
+
+
+def test_side_of_a_closed_box_beyond_its_corner():
+    room = trimesh.creation.box((2, 2, 2))
+    points = np.array([[0.0, 0.0, 0.9], [1.1, 1.1, 1.1], [0.95, 0.0, 0.0]])
+    outwards = find_signed_nearest(points, room)
+    assert outwards.heights == pytest.approx([-0.1, 0.1 * 3**0.5, -0.05])
+    assert outwards.distances == pytest.approx(np.abs(outwards.heights))
+    assert outwards.normals[2] == pytest.approx([1.0, 0.0, 0.0])
+    room.invert()
+    assert find_signed_nearest(points, room).heights == pytest.approx(-outwards.heights)
+
+
+def test_faces_without_area_do_not_matter():
+    faces = np.concatenate([[[0, 0, 1]], SLAB.faces])
+    flat = trimesh.Trimesh(SLAB.vertices, faces, process=False)
+    points = np.array([[0.0, 0.0, 0.5], [2.0, 1.0, -0.05]])
+    assert find_signed_nearest(points, flat).heights == pytest.approx(
+        find_signed_nearest(points, SLAB).heights
     )
-    assert quality.mean == pytest.approx(0.08, abs=1e-6)
+
+
+def test_depths_in_two_overlapping_boxes():
+    pieces = [
+        trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]]),
+        trimesh.creation.box(bounds=[[0.5, 0, 0], [1.5, 1, 1]]),
+    ]
+    points = np.array([[0.2, 0.5, 0.5], [0.75, 0.5, 0.5], [0.9, 0.5, 0.5], [2, 0.5, 0.5], [0, 0.5, 0.5]])
+    assert compute_depths(points, pieces) == pytest.approx([0.2, 0.25, 0.4, 0.0, 0.0])
+    assert len(compute_depths(points[:0], pieces)) == 0
 
 
 def test_nothing_is_infinitely_far():
     assert np.isinf(SurfaceDistance(make_floor()).measure([]).mean)
+    assert np.isneginf(find_above(np.zeros((2, 3)), [])).all()

@@ -5,18 +5,14 @@ import pytest
 import trimesh
 
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.halfspaces import (
-    compute_halfspaces,
-    compute_tops,
-    find_box,
-    find_inner_point,
-    make_solid,
-)
+from reconstruction._src.geometry.halfspaces import compute_halfspaces, find_box
 from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.contact import seams
 from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
-from symbrion_gym._src.contact.seams import mend_pieces
+from symbrion_gym._src.contact.seams import clear_hidden_edges, close_seams
 
+COURSE = Course()
 FLOOR = [(-3.3, -0.2), (3.3, -0.2), (3.3, 0.0), (-3.3, 0.0)]
 WEDGE = [(0.2, 0.0), (0.2, 0.25), (0.7, 0.25), (1.7, 0.0)]
 
@@ -43,54 +39,20 @@ def ground() -> Elevation:
     return Elevation(Course(pit=0.40).surface())
 
 
-def test_halfspaces_give_the_solid_back():
-    solid = extrude(WEDGE)[0]
-    halfspaces = compute_halfspaces(solid)
-    assert len(halfspaces) == 6
-    inner = find_inner_point(halfspaces)
-    assert inner is not None
-    again = make_solid(halfspaces, inner)
-    assert again is not None
-    assert again.volume == pytest.approx(solid.volume, rel=1e-6)
-    tops = compute_tops(halfspaces, np.array([[0.5, 0.0], [1.2, 0.0], [2.0, 0.0]]))
-    np.testing.assert_allclose(tops, [0.25, 0.125, -np.inf], atol=1e-6)
-
-
-def test_a_lip_at_a_crest_is_cut_off(ground):
-    high = [(-0.2, -0.2), (-0.2, 0.25), (-0.72, 0.25), (-0.72, -0.2)]  # 5 mm above the ramp at its end
-    ramp = [(-0.6, -0.2), (-0.6, 0.25), (-0.7, 0.25), (-1.7, 0.0), (-1.7, -0.2)]
-    exact = extrude(FLOOR, WEDGE, mirror(WEDGE))
-    rough = extrude(FLOOR, WEDGE, high, ramp)
-    assert find_change(exact, rough) > 4e-3
-    assert find_change(exact, mend_pieces(rough, ground), margin=1e-3) < 1e-3
-
-
-def test_a_lip_that_carries_ground_at_its_end_stays():
-    """Cut down to the floor it would be nearer to the ground for nine tenths, and lose 15 mm of it at the end."""
-    outline = np.array([(-1.0, 0.0), (0.9, 0.0), (0.9, 0.015), (1.0, 0.015)])
-    corners = np.array([[(x, y, z) for y in (-1.0, 1.0)] for x, z in outline]).reshape(-1, 3)
-    faces = [(2 * i + a, 2 * i + b, 2 * i + c) for i in range(3) for a, b, c in ((0, 2, 1), (1, 2, 3))]
-    ground = Elevation(trimesh.Trimesh(corners, faces, process=False))
-    floor = [(-1.0, -0.2), (-1.0, 0.0), (0.0, 0.0), (0.0, -0.2)]
-    lip = [(0.0, -0.2), (0.0, 0.02), (1.0, 0.02), (1.0, -0.2)]
-    mended = mend_pieces(extrude(floor, lip), ground)
-    assert mended[1].bounds[1, 2] > 0.015
-
-
 def test_corners_that_nobody_needs_go(ground):
     ragged = np.array([(x, y, z) for x in (-3.3, 3.3) for y in (-1.0, 1.0) for z in (-0.2, 0.0)])
     bites = np.array([(x, y, z) for x in (-2.0, 0.0, 1.5) for y in (-1.01, 1.02) for z in (-0.2, 0.0)])
     floor = make_hull(np.concatenate([ragged, bites]))
     assert floor is not None
     assert len(floor.vertices) == 16
-    mended = mend_pieces([floor, *extrude(WEDGE, mirror(WEDGE))], ground)
+    mended = close_seams([floor, *extrude(WEDGE, mirror(WEDGE))], ground)
     assert len(mended[0].vertices) <= 10
     assert find_change([floor, *extrude(WEDGE, mirror(WEDGE))], mended) < 1e-3
 
 
 def test_cut_coplanar_pieces_overlap_afterwards(ground):
     left = [(-3.3, -0.2), (-3.3, 0.0), (0.0, 0.0), (0.0, -0.2)]
-    mended = mend_pieces(extrude(left, mirror(left)), Elevation(Course(height=1e-6, pit=0.0).surface()))
+    mended = close_seams(extrude(left, mirror(left)), Elevation(Course(height=1e-6, pit=0.0).surface()))
     assert mended[0].bounds[1, 0] > 0.02
     assert mended[1].bounds[0, 0] < -0.02
 
@@ -102,10 +64,7 @@ def test_a_course_becomes_boxes(ground):
     boxes = turn_into_boxes(parts, ground)
     assert all(find_box(box) is not None for box in boxes)
     assert find_change(pieces, boxes, margin=2e-3) < 2e-3
-
-
-def test_no_more_parts_than_wanted():
-    assert len(split_at_creases(extrude(FLOOR, WEDGE, mirror(WEDGE)), 4)) == 4
+    assert len(split_at_creases(pieces, 4)) == 4  # no more than wanted
 
 
 def test_a_wall_is_not_left_hollow():
@@ -120,3 +79,41 @@ def test_a_wall_is_not_left_hollow():
     inside = np.array([0.205, 0.0, 0.0]) + np.linspace(0.02, 0.33, 20)[:, None] * [0, 0, 1]
     levels = [(inside @ h[:, :3].T + h[:, 3]).max(axis=1) for h in (compute_halfspaces(box) for box in boxes)]
     assert np.min(levels, axis=0).max() < 1e-3
+
+
+def clear(pieces):
+    return clear_hidden_edges(list(pieces), Elevation(COURSE.surface()))
+
+
+def test_ends_at_a_crest_lie_beneath_the_other_plane_by_the_clearance():
+    clearance = seams._CLEARANCE
+    _, block, ramp, *_ = clear(COURSE.pieces())
+    crest = COURSE.pit / 2 + COURSE.plateau
+    # The ramp falls by 1 in 4: its plane is z = 0.25 - (x - crest) / 4, sideways shorter by sqrt(17) / 4.
+    assert block.bounds[1, 0] == pytest.approx(crest - clearance * np.sqrt(17.0), abs=1e-5)
+    assert ramp.bounds[1, 2] == pytest.approx(COURSE.height - clearance, abs=1e-5)
+
+
+def test_ends_at_walls_stay_and_boxes_stay_boxes():
+    cleared = clear(COURSE.pieces())
+    assert len(cleared) == 5
+    assert all(find_box(piece) is not None for piece in cleared)
+    assert cleared[1].bounds[0, 0] == COURSE.pit / 2
+    assert np.array_equal(cleared[0].vertices, COURSE.pieces()[0].vertices)
+
+
+def test_a_piece_beneath_others_is_left_out():
+    pieces = COURSE.pieces()
+    hidden = pieces[1].copy().apply_scale(0.5).apply_translation([0.25, 0.0, 0.0])
+    assert len(clear([*pieces, hidden])) == 5
+    doubled = clear([*pieces, pieces[2]])
+    assert len(doubled) == 5  # of two equal ones, one is kept
+
+
+def test_the_ground_is_lowered_by_no_more_than_a_body_feels():
+    pieces = COURSE.pieces()
+    x = np.linspace(-3.0, 3.0, 6001)
+    before, after = (Elevation(*each).height(x, 0.3) for each in (pieces, clear(pieces)))
+    crest = COURSE.pit / 2 + COURSE.plateau
+    is_far = np.abs(np.abs(x) - crest) > 0.005
+    assert np.abs(before - after)[is_far].max() < 1e-6

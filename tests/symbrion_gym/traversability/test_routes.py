@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from constants import with_constants
 
 from benchmarks.material.driving_scenes import (
     GALLERY,
@@ -16,13 +17,13 @@ from benchmarks.material.driving_scenes import (
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym._src.arenas.making import make_arena
-from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import snake
-from symbrion_gym._src.traversability.drivable import keep_upright
+from symbrion_gym._src.traversability import routes
+from symbrion_gym._src.traversability.drivable import DIRECTIONS, keep_upright
 from symbrion_gym._src.traversability.footprint import Footprint
-from symbrion_gym._src.traversability.places import DIRECTIONS
 from symbrion_gym._src.traversability.routes import (
-    RouteConfig,
+    find_nearest_level,
     find_standing_place,
     find_straight_way,
     find_straight_way_from,
@@ -46,11 +47,7 @@ def test_a_route_is_found_without_help(room, body):
     steps = np.linalg.norm(np.diff(route.path, axis=0), axis=1)
     assert steps.max() < 1.5 * ground.grid.cell
     assert route.length == pytest.approx(steps.sum())
-    assert set(
-        ground.region[
-            ground.sorted_heights.find_nearest(ground.grid.compute_cells(route.path[:, :2]), route.path[:, 2])
-        ].tolist()
-    ) == {0}
+    assert (ground.region[find_nearest_level(ground, route.path[:, :2], route.path[:, 2])] == 0).all()
 
 
 def test_a_route_goes_around_the_screen(room):
@@ -58,8 +55,7 @@ def test_a_route_goes_around_the_screen(room):
     assert route.path[:, 1].max() > 1.6
     assert route.start[:2] == (2.5, 0.5)
     assert route.goal[:2] == (3.3, 0.5)
-    straight = np.hypot(0.8, 0.0)
-    assert straight + 2.0 < route.length < straight + 3.0
+    assert 2.8 < route.length < 3.8
 
 
 def test_a_height_selects_the_storey(room):
@@ -74,35 +70,27 @@ def test_a_height_selects_the_storey(room):
 
 
 def test_a_given_end_stays_and_the_other_is_far_away(room):
-    config = RouteConfig(max_length=2.0)
     for ends in ({"start": (0.5, 0.5)}, {"goal": (0.5, 0.5)}):
-        route = room.find_route(**ends, config=config)
+        route = room.find_route(**ends, max_length=2.0)
         assert 1.5 < route.length <= 2.1
-    assert room.find_route(config=config).length <= 2.0
+    assert room.find_route(max_length=2.0).length <= 2.0
+    with pytest.raises(ArenaError, match="max_length"):
+        room.find_route(max_length=0.0)
     assert room.find_route(start=(0.5, 0.5)).heading == pytest.approx(np.pi / 4, abs=np.pi / 2)
 
 
 def test_equal_arenas_give_equal_routes(room):
     one, other = room.find_route(), make_furnished_room().find_route()
     assert np.array_equal(one.path, other.path)
-    assert one.as_dict() == other.as_dict()
+    assert (one.heading, one.length, one.clearance) == (other.heading, other.length, other.clearance)
 
 
 @pytest.mark.parametrize(
     ("ends", "message"),
     [
-        (
-            {"start": (1.0, 1.0, 2.46)},
-            r"start \(1.0, 1.0, 2.46\) has no drivable ground .* nearest possible place is",
-        ),
-        (
-            {"start": (9.0, 9.0)},
-            r"no drivable ground in arena 'room'; the nearest possible place is \(3\.\d+, 2\.\d+",
-        ),
-        (
-            {"start": (2.81, 0.5)},
-            r"nearest possible place is \(2\.\d+, 0\.5\d*, 0\.0\)|nearest possible place is \(2",
-        ),
+        ({"start": (1.0, 1.0, 2.46)}, r"no drivable ground .* nearest possible place is"),
+        ({"start": (9.0, 9.0)}, r"in arena 'room'; the nearest possible place is \(3\.\d+, 2\.\d+"),
+        ({"start": (2.81, 0.5)}, r"nearest possible place is \(2"),
         ({"start": (0.5, 0.5), "goal": (1.5, 1.4, TABLE)}, "goal .* is not connected to the start"),
         ({"start": (0.5, 0.5), "goal": (0.5, 0.5)}, "same place"),
         ({"goal": (0.5,)}, "goal must be a place"),
@@ -113,17 +101,6 @@ def test_equal_arenas_give_equal_routes(room):
 def test_impossible_ends_are_refused_with_the_nearest_place(room, ends, message):
     with pytest.raises(ArenaError, match=message):
         room.find_route(**ends)
-
-
-def test_no_ground_for_a_large_body(room):
-    with pytest.raises(ArenaError, match=r"no drivable ground for a body of 0\.10 x 0\.10 m"):
-        room.find_route(Footprint(radius=2.0))
-
-
-@pytest.mark.parametrize("fields", [{"max_length": 0.0}, {"slope_cost": -1.0}])
-def test_impossible_configurations_are_refused(fields):
-    with pytest.raises(OptionError, match="must be"):
-        RouteConfig(**fields)
 
 
 def test_the_longest_straight_way_of_a_hall_runs_between_its_corners():
@@ -147,12 +124,11 @@ def test_straight_ways_end_at_walls(room):
 
 
 def test_a_side_slope_is_crossed_straight_up_and_not_along():
-    links = np.arange(8)[None].repeat(1, axis=0) * 0
+    links = np.zeros((1, 8), dtype=np.int64)
     steep = np.array([[0.0, np.tan(0.3)]])  # rises along y by 17 degrees
     body = Footprint(max_slope=0.5, max_roll=0.2)
     kept = keep_upright(links, steep, body)[0] >= 0
-    ways = np.array(DIRECTIONS)
-    assert kept.tolist() == (ways[:, 0] == 0).tolist()
+    assert kept.tolist() == (DIRECTIONS[:, 0] == 0).tolist()
     assert (keep_upright(links, steep, Footprint(max_slope=0.5, max_roll=0.31)) >= 0).all()
     assert (keep_upright(links, np.full((1, 2), np.nan), body) >= 0).all()
 
@@ -160,15 +136,12 @@ def test_a_side_slope_is_crossed_straight_up_and_not_along():
 def test_ends_lie_on_level_ground_and_paths_avoid_slopes():
     arena = make_terrain(7, roughness=0.05)
     ground, route = arena.traversability(), arena.find_route()
-    numbers = ground.sorted_heights.find_nearest(
-        ground.grid.compute_cells(route.path[:, :2]), route.path[:, 2]
-    )
+    numbers = find_nearest_level(ground, route.path[:, :2], route.path[:, 2])
     slope = ground.slope[numbers]
     assert max(slope[0], slope[-1]) < ground.footprint.max_roll / 2
-    short = arena.find_route(start=route.start, goal=route.goal, config=RouteConfig(slope_cost=0.0))
-    crossed = ground.sorted_heights.find_nearest(
-        ground.grid.compute_cells(short.path[:, :2]), short.path[:, 2]
-    )
+    with with_constants(routes, slope_cost=0.0):
+        short = arena.find_route(start=route.start, goal=route.goal)
+    crossed = find_nearest_level(ground, short.path[:, :2], short.path[:, 2])
     assert slope.mean() < ground.slope[crossed].mean()
     assert short.length < route.length
 
@@ -198,22 +171,16 @@ def test_a_route_goes_around_ice_but_not_around_ground_that_holds():
         assert (path[is_beside, 1].max() < 0.6) == is_around
 
 
-def test_the_cost_of_ice_is_an_option_and_ends_are_not_chosen_on_it():
+def test_ends_are_not_chosen_on_ice():
     arena = make_icy_floor(0.1)
-    straight = arena.find_route(start=(0.5, 1.3), goal=(3.5, 1.3), config=RouteConfig(slip_cost=0.0))
-    assert straight.path[:, 1].min() > 1.0
     route = arena.find_route()
     ends = np.array([route.start, route.goal])
     assert (arena.find_friction(ends) == 0.7).all()
-    with pytest.raises(OptionError, match="slip_cost"):
-        RouteConfig(slip_cost=-1.0)
 
 
 def test_ice_on_a_slope_that_it_does_not_hold_costs_more_than_level_ice():
     ends = {"start": (0.5, 1.3), "goal": (3.5, 1.3)}
-    config = RouteConfig(slip_cost=0.5)
-    level, ramp = (
-        make_icy_floor(0.1, is_ramp=is_ramp).find_route(**ends, config=config) for is_ramp in (False, True)
-    )
+    with with_constants(routes, slip_cost=0.5):
+        level, ramp = (make_icy_floor(0.1, is_ramp=is_ramp).find_route(**ends) for is_ramp in (False, True))
     assert level.path[:, 1].min() > 0.6
     assert ramp.path[:, 1].min() < 0.6

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym._src.contact.decomposition import MAX_HULL_VERTICES, decompose, make_piece
+from symbrion_gym._src.contact.coacd import MAX_HULL_VERTICES, decompose, make_piece
 from symbrion_gym._src.errors import ArenaError
 
 
 def test_two_boxes_apart_become_two_pieces():
     boxes = [trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1)).apply_translation([3, 0, 0])]
-    pieces = decompose(boxes[0] + boxes[1], threshold=0.05, time_limit=60)
+    pieces = decompose(boxes[0] + boxes[1], 0, 1e9)  # no time is too long
     assert len(pieces) == 2
     assert sum(piece.volume for piece in pieces) == pytest.approx(2.0, rel=0.02)
 
@@ -18,17 +18,12 @@ def test_two_boxes_apart_become_two_pieces():
 def test_the_caller_survives_what_coacd_does_not():
     nonsense = trimesh.Trimesh(np.full((3, 3), np.inf), [[0, 1, 2]], process=False)
     with pytest.raises(ArenaError, match="coacd"):
-        decompose(nonsense, time_limit=20)
+        decompose(nonsense, 0, 20.0)
 
 
 def test_time_runs_out_with_an_error_that_says_so():
     with pytest.raises(ArenaError, match="longer than 0"):
-        decompose(trimesh.creation.icosphere(subdivisions=3), time_limit=0.05)
-
-
-def test_no_time_is_too_long():
-    box = trimesh.creation.box((1, 1, 1))
-    assert len(decompose(box, time_limit=1e9)) == 1
+        decompose(trimesh.creation.icosphere(subdivisions=3), 0, 0.05)
 
 
 def test_pieces_are_small_hulls_and_never_flat():

@@ -1,1 +1,0 @@
-"""The passes that make contact geometry, each a candidate of its own."""
