@@ -169,10 +169,7 @@ def measure_color_error(
 
 
 def _find_away(
-    ask: Paint,
-    places: Float[np.ndarray, "S 3"],
-    true: Float[np.ndarray, "S 3"],
-    edge: float,
+    ask: Paint, places: Float[np.ndarray, "S 3"], true: Float[np.ndarray, "S 3"], edge: float
 ) -> Bool[np.ndarray, " S"]:
     """Return which places have the same color all around."""
     away = np.ones(len(places), dtype=bool)

@@ -56,9 +56,7 @@ def flip_edges(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 
 
 def _flip_once(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_open: Bool[np.ndarray, " F"],
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_open: Bool[np.ndarray, " F"]
 ) -> tuple[Int[np.ndarray, " C"], Int[np.ndarray, "C 3"], Int[np.ndarray, "R 4"]]:
     """Flip edges of which no two touch the same face, those first that gain most."""
     sides = group_sides(faces, len(vertices))

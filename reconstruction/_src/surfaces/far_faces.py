@@ -99,9 +99,7 @@ def find_far_faces(
 
 
 def measure_far_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    cloud: SeenPoints,
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], cloud: SeenPoints
 ) -> FarFaces:
     """Return which faces lie far from every reading, with the spacing that tells."""
     if len(faces) == 0 or len(cloud.points) <= _NEIGHBORS:
@@ -156,10 +154,7 @@ def find_samples(
 
 
 def find_open(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    tree: cKDTree,
-    least: float,
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], tree: cKDTree, least: float
 ) -> tuple[Float[np.ndarray, "F S 3"], Bool[np.ndarray, "F S"]]:
     """Return samples of faces [m], and which of them may be far: no reading is as near as the least spacing tells."""
     samples = find_samples(vertices, faces)
@@ -196,9 +191,7 @@ def _project(
 
 
 def _goes_on(
-    samples: Float[np.ndarray, "S 3"],
-    places: Float[np.ndarray, "N 3"],
-    normals: Float[np.ndarray, "N 3"],
+    samples: Float[np.ndarray, "S 3"], places: Float[np.ndarray, "N 3"], normals: Float[np.ndarray, "N 3"]
 ) -> Bool[np.ndarray, " S"]:
     """Return which samples lie in the planes of the surface at most of the places around."""
     distance, nearest = cKDTree(places).query(samples, k=list(range(1, _AROUND + 1)))

@@ -7,12 +7,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
 from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges, group_sides, make_manifold
-from reconstruction._src.geometry.rows import (
-    any_corner,
-    compute_lengths,
-    cross_rows,
-    sum_rows,
-)
+from reconstruction._src.geometry.rows import any_corner, compute_lengths, cross_rows, sum_rows
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
 _SHORTEST = 1e-300  # Divided by instead of 0: the direction of an edge without length is 0
@@ -141,12 +136,7 @@ def _unfold(
             current[moved] += _STEP * (around @ current / share - current[moved])
             has_moved = any_corner(is_moved, faces)
             tangles = find_tangled(
-                current,
-                faces,
-                hinges,
-                tangles.is_tangled | has_moved,
-                is_tested,
-                (tangles, has_moved),
+                current, faces, hinges, tangles.is_tangled | has_moved, is_tested, (tangles, has_moved)
             )
             left -= 1
             if tangles.is_tangled.sum() < best.is_tangled.sum():
@@ -166,9 +156,7 @@ def _widen(
 
 
 def _find_turns(
-    vertices: Float[np.ndarray, "V 3"],
-    tail: Int[np.ndarray, " B"],
-    head: Int[np.ndarray, " B"],
+    vertices: Float[np.ndarray, "V 3"], tail: Int[np.ndarray, " B"], head: Int[np.ndarray, " B"]
 ) -> Bool[np.ndarray, " V"]:
     """Return at which vertices the boundary, edges from tail to head, turns by more than `_BOUNDARY_ANGLE`."""
     along = vertices[head] - vertices[tail]
