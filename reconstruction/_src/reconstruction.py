@@ -15,8 +15,13 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.bounded_read import MAX_BYTES
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.input_cloud import join_clouds, make_cloud_of_rays
-from reconstruction._src.knowledge.changes.input_checks import check_free_rays, check_origins, check_scale
+from reconstruction._src.input_cloud import (
+    check_free_rays,
+    check_origins,
+    check_scale,
+    join_clouds,
+    make_cloud_of_rays,
+)
 from reconstruction._src.knowledge.slip.drags import join_slip
 from reconstruction._src.methods import find_method
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
@@ -242,8 +247,8 @@ class Reconstruction:
         free_rays: Float[np.ndarray, "K 2 3"] | None,
     ) -> tuple[State, Bool[np.ndarray, " N"]]:
         """Return the network that has learned from new readings, and which of the old points are still valid."""
-        from reconstruction._src.knowledge.changes.detection import detect_changes
-        from reconstruction._src.knowledge.changes.validity import compare
+        from reconstruction._src.knowledge.changes import detect_changes
+        from reconstruction._src.knowledge.validity import compare
         from reconstruction._src.networks.surface_fit import mean_edge_length
 
         vertices, faces = self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64)
@@ -265,13 +270,7 @@ class Reconstruction:
             raise ReconstructionError("there is nothing new to learn from: give new_points, slip, or both")
         readings = None if self.readings is self.cloud else self.readings
         return Reconstruction(
-            self.method,
-            self.config,
-            self.state,
-            self.cloud,
-            readings=readings,
-            notes=self.notes,
-            slip=felt,
+            self.method, self.config, self.state, self.cloud, readings=readings, notes=self.notes, slip=felt
         )
 
     @cached_property

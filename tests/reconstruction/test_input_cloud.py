@@ -9,7 +9,14 @@ from test_reconstruct import make_ground
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.sampling import count_votes
-from reconstruction._src.input_cloud import join_clouds, make_cloud, make_cloud_of_rays
+from reconstruction._src.input_cloud import (
+    check_free_rays,
+    check_origins,
+    check_scale,
+    join_clouds,
+    make_cloud,
+    make_cloud_of_rays,
+)
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.reconstruction import Reconstruction
 from reconstruction._src.scans.cloud import Cloud
@@ -150,3 +157,25 @@ def test_only_what_is_far_is_recentered(shift, extent, is_moved):
 def test_fields_that_fit_no_points_are_refused(arguments, message):
     with pytest.raises(ReconstructionError, match=message):
         reconstruct(make_ground(1000), units=30, **arguments)
+
+
+def test_origins_and_free_rays_that_are_none_are_refused():
+    assert check_origins([1, 2, 3], 5).shape == (5, 3)
+    assert check_free_rays(np.zeros((4, 2, 3))).shape == (4, 2, 3)
+    for wrong, reason in (
+        (np.zeros((4, 3)), r"\[5, 3\]"),
+        ([0.0, np.nan, 0.0], "NaN"),
+        (["a"], "real numbers"),
+    ):
+        with pytest.raises(ReconstructionError, match=f"origins must .*{reason}"):
+            check_origins(wrong, 5)
+    for wrong, reason in ((np.zeros((4, 3)), r"\[K, 2, 3\]"), (np.full((1, 2, 3), np.inf), "finite")):
+        with pytest.raises(ReconstructionError, match=reason):
+            check_free_rays(wrong)
+
+
+def test_another_unit_is_noticed():
+    points = np.random.default_rng(2).uniform(-1, 1, (100, 3))
+    check_scale(points + np.array([3, 0, 0]), points)
+    with pytest.raises(ReconstructionError, match="in meters"):
+        check_scale(1000 * points, points)

@@ -25,10 +25,7 @@ MAX_BYTES = 2_000_000_000
 """Most bytes that a file may hold once unpacked, and its points once read. A point takes 24, so this is room for
 83 million points; a scan of 100 million needs `max_bytes=3e9`. Reading takes about three times as much memory."""
 _CHUNK = 1 << 20  # Bytes unpacked at once
-_NPY_HEADERS = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-}
+_NPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _NPZ_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """What NumPy writes; the others unpack a small block into gigabytes at once."""
 _ZIP_END = 22  # Bytes of a zip archive's last record, before its comment

@@ -7,7 +7,14 @@ from jaxtyping import Bool, Float64, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
-from reconstruction._src.geometry.rows import Faces, Vertices, compute_lengths, sum_by_owner, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    any_corner,
+    compute_lengths,
+    sum_by_owner,
+    sum_rows,
+)
 
 FOLD_COSINE = 0.5
 """Cosine of the angle that two faces at an edge enclose at least, 60 degrees: the sharpest wedge that a network of
@@ -188,6 +195,33 @@ def find_loops(faces: Faces, num_vertices: int) -> list[list[int]]:
             vertex = following.pop(vertex)
         loops.append(loop)
     return loops
+
+
+def find_border_vertices(faces: Faces, num_vertices: int) -> Bool[np.ndarray, " {num_vertices}"]:
+    """Return which vertices are at the end of an edge with one face."""
+    sides = group_sides(faces, num_vertices)
+    is_border = np.zeros(num_vertices, dtype=bool)
+    is_border[np.concatenate(find_ends(faces, sides.slots[sides.starts[sides.counts == 1]]))] = True
+    return is_border
+
+
+def widen(faces: Faces, is_marked: Bool[np.ndarray, " V"], rings: int) -> Bool[np.ndarray, " V"]:
+    """Return the marked vertices and `rings` rings of neighbors."""
+    is_marked = is_marked.copy()
+    for _ in range(rings):
+        is_marked[faces[any_corner(is_marked, faces)]] = True
+    return is_marked
+
+
+def spread(
+    faces: Faces, is_marked: Bool[np.ndarray, " V"], is_allowed: Bool[np.ndarray, " V"]
+) -> Bool[np.ndarray, " V"]:
+    """Return the marked vertices and the allowed ones that are joined to them by allowed ones."""
+    while True:
+        wider = is_marked | widen(faces, is_marked, 1) & is_allowed
+        if (wider == is_marked).all():
+            return is_marked
+        is_marked = wider
 
 
 def find_suspects(faces: Faces, sides: Sides, num_vertices: int) -> Bool[np.ndarray, " {num_vertices}"]:

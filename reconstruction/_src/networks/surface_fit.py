@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 
-from reconstruction._src.geometry.rows import compute_lengths
+from reconstruction._src.geometry.rows import Faces, Vertices, compute_lengths
 from reconstruction._src.networks.least_squares import FitConfig, compute_chunk, fit_once
 from reconstruction._src.networks.som.compilation import half_octave_length, pad_rows, padded_length
 from reconstruction._src.networks.som.winners import find_winners
@@ -27,7 +27,7 @@ _DEFAULT = FitConfig()
 
 def fit_surface(
     vertices: Num[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
+    faces: Faces,
     samples: Num[np.ndarray, "N 3"],
     *,
     iterations: int = 3,
@@ -35,7 +35,7 @@ def fit_surface(
     weights: Num[np.ndarray, " N"] | None = None,
     is_movable: Bool[np.ndarray, " V"] | None = None,
     config: FitConfig = _DEFAULT,
-) -> Float[np.ndarray, "V 3"]:
+) -> Vertices:
     """Return vertices moved so that the faces lie on the samples (see `least_squares`).
 
     Samples beyond the boundary pull it out. Outliers count little: the weight falls with the part of the residual along
@@ -79,15 +79,13 @@ def fit_surface(
     return vertices + step.astype(np.float64) * scale
 
 
-def mean_edge_length(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> float:
+def mean_edge_length(vertices: Vertices, faces: Faces) -> float:
     """Return the mean length of the faces' sides."""
     corners = vertices[faces]
     return float(compute_lengths(corners - np.roll(corners, 1, axis=1)).mean())
 
 
-def make_ring(
-    faces: Int[np.ndarray, "F 3"], num_vertices: int, *, doubling: bool = False
-) -> Int[np.ndarray, "V D 2"]:
+def make_ring(faces: Faces, num_vertices: int, *, doubling: bool = False) -> Int[np.ndarray, "V D 2"]:
     """Return the faces around every vertex: the other two corners of each in order, -1 where none."""
     owner = faces.ravel()
     others = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)

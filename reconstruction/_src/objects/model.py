@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -75,15 +75,12 @@ class ObjectModel(NamedTuple):
     turns: Float[np.ndarray, "T 3 3"]  # rotations about the center to poses it could be mistaken in
     symmetries: Float[np.ndarray, "S 3 3"]  # rotations about the center under which it looks the same
 
-    def find_nearest(
-        self, points: Points
-    ) -> tuple[Float[np.ndarray, " N"], Int[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:
-        """Return the distance of points from the object [m], the nearest faces, and the places there."""
+    def measure_distances(self, points: Points) -> Float[np.ndarray, " N"]:
+        """Return the distances of points from the object [m]."""
         if not len(points):
-            return np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3))
+            return np.zeros(0)
         found = self.tree.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
-        squared, face, foot = (np.asarray(part) for part in found)
-        return np.sqrt(np.maximum(squared, 0.0)), face, foot
+        return np.sqrt(np.maximum(found[0], 0.0))
 
     def place(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " 3"]:
         """Return where the center is at a pose [m]."""

@@ -106,7 +106,7 @@ def verify_by_beams(
     others = ~hits & ~is_background
     ends = beams.origins[others] + beams.directions[others] * beams.ranges[others, None]
     local = (ends - pose[:3, 3]) @ pose[:3, :3]
-    away = model.find_nearest(local[compute_lengths(local - model.center) < model.radius + MARGIN])[0]
+    away = model.measure_distances(local[compute_lengths(local - model.center) < model.radius + MARGIN])
     num_beside = int(((away > tolerance + _POSE_ERROR) & (away <= MARGIN)).sum())
     against = int(passes_through.sum() + ends_before.sum() + (ends_on & ~agrees).sum()) + num_beside
     num_beams = int(agrees.sum())
@@ -124,7 +124,7 @@ def verify_by_distance(
     """Compare readings without viewpoints with an object: those on it agree, those within or beside it do not."""
     allowed = tolerance + _POSE_ERROR
     local = (points - pose[:3, 3]) @ pose[:3, :3]
-    away = model.find_nearest(local)[0]
+    away = model.measure_distances(local)
     agrees = away <= allowed
     against = int(((away > allowed) & (away <= MARGIN) & ~is_background).sum())
     num_beams = int(agrees.sum())

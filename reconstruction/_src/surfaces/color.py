@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.rows import Points
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.scans.cloud import Cloud
 
@@ -112,9 +113,7 @@ def match_colors(known: Cloud, added: Cloud) -> tuple[Cloud, str]:
     return added.replace(colors=colors), f"{added.num_points} new readings without took those around them"
 
 
-def interpolate_colors(
-    mesh: trimesh.Trimesh, colors: UInt8[np.ndarray, "V 3"], places: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, "N 3"]:
+def interpolate_colors(mesh: trimesh.Trimesh, colors: UInt8[np.ndarray, "V 3"], places: Points) -> Points:
     """Return the colors of the nearest places on a mesh, 0 to 255, between those of its vertices."""
     import igl
 
@@ -129,7 +128,7 @@ def interpolate_colors(
     return np.einsum("nc,nci->ni", weights, colors[faces[face]].astype(np.float64))
 
 
-Paint = Callable[[Float[np.ndarray, "N 3"]], ArrayLike]  # Returns the colors of positions [m], 0 to 1
+Paint = Callable[[Points], ArrayLike]  # Returns the colors of positions [m], 0 to 1
 _EDGE_STEP = 0.1  # A change of a channel by more than this is an edge, of 1
 
 
@@ -185,7 +184,7 @@ def _make_lookup(mesh: trimesh.Trimesh) -> Paint:
     if colors is None:
         raise ReconstructionError("the true mesh has no vertex colors; give a function of positions instead")
 
-    def ask(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+    def ask(places: Points) -> Points:
         return interpolate_colors(mesh, colors, places) / WHITE
 
     return ask

@@ -19,7 +19,15 @@ from reconstruction._src.geometry.manifold import (
     group_sides,
     is_in_sorted,
 )
-from reconstruction._src.geometry.rows import all_corners, any_corner, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    all_corners,
+    any_corner,
+    compute_lengths,
+    cross_rows,
+    sum_rows,
+)
 
 _SHORTEST = 1e-300  # Divided by instead of 0: the normal of a face without area is 0
 
@@ -34,7 +42,7 @@ _MIN_CORNER_SINE = 0.1  # New faces have no corner sharper than this, about 6 de
 _MAX_ROUNDS = 8  # The search ends after this many, also where edges still wait for each other
 
 
-def flip_edges(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "F 3"]:
+def flip_edges(vertices: Vertices, faces: Faces) -> Faces:
     """Return the faces with edges flipped where that lowers the curvature.
 
     After the first round only what lies around a flipped edge, or around one that had to wait, is checked again.
@@ -56,7 +64,7 @@ def flip_edges(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 
 
 def _flip_once(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_open: Bool[np.ndarray, " F"]
+    vertices: Vertices, faces: Faces, is_open: Bool[np.ndarray, " F"]
 ) -> tuple[Int[np.ndarray, " C"], Int[np.ndarray, "C 3"], Int[np.ndarray, "R 4"]]:
     """Flip edges of which no two touch the same face, those first that gain most."""
     sides = group_sides(faces, len(vertices))
@@ -79,11 +87,7 @@ def _flip_once(
 
 
 def _rate_flips(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    normals: Float[np.ndarray, "F 3"],
-    across: Int[np.ndarray, "F 3"],
-    candidates: Hinges,
+    vertices: Vertices, faces: Faces, normals: Float[np.ndarray, "F 3"], across: Faces, candidates: Hinges
 ) -> tuple[Float[np.ndarray, " P"], Int[np.ndarray, "P 4"], Int[np.ndarray, "P 4"]]:
     """Return what flipping each edge saves, 0 where it saves nothing; its corners and outer faces."""
     pair, side = candidates.faces, candidates.sides
@@ -109,7 +113,7 @@ def _rate_flips(
 
 
 def _make_normals(
-    vertices: Float[np.ndarray, "V 3"],
+    vertices: Vertices,
     i: Int[np.ndarray, " P"],
     j: Int[np.ndarray, " P"],
     k: Int[np.ndarray, " P"],
@@ -127,7 +131,7 @@ def _make_normals(
 
 
 def _length(
-    vertices: Float[np.ndarray, "V 3"], i: Int[np.ndarray, " P"], j: Int[np.ndarray, " P"]
+    vertices: Vertices, i: Int[np.ndarray, " P"], j: Int[np.ndarray, " P"]
 ) -> Float[np.ndarray, " P"]:
     return compute_lengths(vertices[i] - vertices[j])
 

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import compute_normals
 from reconstruction._src.geometry.orientation import split_fans
-from reconstruction._src.geometry.rows import compute_areas, compute_lengths
+from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_areas, compute_lengths
 from reconstruction._src.geometry.sampling import choose_viewpoints
 
 _NEIGHBORS = 16
@@ -38,7 +38,7 @@ _CORNERS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3
 class SeenPoints(NamedTuple):
     """Readings of a surface."""
 
-    points: Float[np.ndarray, "N 3"]  # [m]
+    points: Points  # [m]
     viewpoints: Float[np.ndarray, "K 3"] | None = None  # positions of the sensor [m]; None: unknown
     seen_from: Int[np.ndarray, " N"] | None = None  # viewpoint of every point; None: unknown
 
@@ -53,17 +53,17 @@ class FarFaces(NamedTuple):
 class CutMesh(NamedTuple):
     """A mesh without the faces that were far from every reading."""
 
-    vertices: Float[np.ndarray, "V 3"]  # those with a face [m]
-    faces: Int[np.ndarray, "F 3"]  # in their old order
+    vertices: Vertices  # those with a face [m]
+    faces: Faces  # in their old order
     num_faces: int = 0  # so many were cut off ..
     area: float = 0.0  # ... with this area [m²] ...
     share: float = 0.0  # ... and this share of all area.
 
 
 def cut_far_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    points: Float[np.ndarray, "N 3"],
+    vertices: Vertices,
+    faces: Faces,
+    points: Points,
     viewpoints: Float[np.ndarray, "K 3"] | None = None,
     seen_from: Int[np.ndarray, " N"] | None = None,
 ) -> CutMesh:
@@ -71,9 +71,7 @@ def cut_far_faces(
     return cut_faces(vertices, faces, find_far_faces(vertices, faces, points, viewpoints, seen_from))
 
 
-def cut_faces(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_far: Bool[np.ndarray, " F"]
-) -> CutMesh:
+def cut_faces(vertices: Vertices, faces: Faces, is_far: Bool[np.ndarray, " F"]) -> CutMesh:
     """Return a mesh without its far faces; as it is where there are none, or nothing else."""
     if not is_far.any() or is_far.all():
         return CutMesh(vertices, faces)
@@ -85,9 +83,9 @@ def cut_faces(
 
 
 def find_far_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    points: Float[np.ndarray, "N 3"],
+    vertices: Vertices,
+    faces: Faces,
+    points: Points,
     viewpoints: Float[np.ndarray, "K 3"] | None = None,
     seen_from: Int[np.ndarray, " N"] | None = None,
 ) -> Bool[np.ndarray, " F"]:
@@ -98,9 +96,7 @@ def find_far_faces(
     return measure_far_faces(vertices, faces, SeenPoints(points, viewpoints, seen_from)).is_far
 
 
-def measure_far_faces(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], cloud: SeenPoints
-) -> FarFaces:
+def measure_far_faces(vertices: Vertices, faces: Faces, cloud: SeenPoints) -> FarFaces:
     """Return which faces lie far from every reading, with the spacing that tells."""
     if len(faces) == 0 or len(cloud.points) <= _NEIGHBORS:
         return FarFaces(np.zeros(len(faces), dtype=bool), 0.0)
@@ -111,8 +107,8 @@ def measure_far_faces(
 
 
 def find_far_among(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
+    vertices: Vertices,
+    faces: Faces,
     tested: Int[np.ndarray, " T"],
     tree: cKDTree,
     least: float,
@@ -146,15 +142,13 @@ def find_far_among(
     return counts >= _SHARE * len(_CORNERS), needed
 
 
-def find_samples(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "F S 3"]:
+def find_samples(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F S 3"]:
     """Return the places of faces that are tested [m]."""
     return np.einsum("sc,fci->fsi", _CORNERS, vertices[faces])
 
 
 def find_open(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], tree: cKDTree, least: float
+    vertices: Vertices, faces: Faces, tree: cKDTree, least: float
 ) -> tuple[Float[np.ndarray, "F S 3"], Bool[np.ndarray, "F S"]]:
     """Return samples of faces [m], and which of them may be far: no reading is as near as the least spacing tells."""
     samples = find_samples(vertices, faces)
@@ -175,9 +169,7 @@ def _measure_spacing(tree: cKDTree, rows: Int[np.ndarray, " M"], neighbors: int)
     return tree.query(tree.data[unique], k=[neighbors + 1])[0][:, 0][place.ravel()]
 
 
-def _project(
-    points: Float[np.ndarray, "N 3"], vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:
+def _project(points: Points, vertices: Vertices, faces: Faces) -> tuple[Int[np.ndarray, " N"], Points]:
     """Return the nearest face of every point, and the nearest place on it [m]."""
     import igl
 
@@ -190,9 +182,7 @@ def _project(
     return np.asarray(face, dtype=np.int64), np.asarray(place)
 
 
-def _goes_on(
-    samples: Float[np.ndarray, "S 3"], places: Float[np.ndarray, "N 3"], normals: Float[np.ndarray, "N 3"]
-) -> Bool[np.ndarray, " S"]:
+def _goes_on(samples: Float[np.ndarray, "S 3"], places: Points, normals: Points) -> Bool[np.ndarray, " S"]:
     """Return which samples lie in the planes of the surface at most of the places around."""
     distance, nearest = cKDTree(places).query(samples, k=list(range(1, _AROUND + 1)))
     offset = samples[:, None] - places[nearest]
@@ -203,7 +193,7 @@ def _goes_on(
 def _is_seen_through(
     samples: Float[np.ndarray, "S 3"],
     spacing: Float[np.ndarray, " S"],
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     viewpoints: Float[np.ndarray, "K 3"],
     seen_from: Int[np.ndarray, " N"] | None,
 ) -> Bool[np.ndarray, " S"]:

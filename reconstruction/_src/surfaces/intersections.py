@@ -13,7 +13,15 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import Hinges, compute_normals, find_hinges, group_sides
-from reconstruction._src.geometry.rows import all_rows, any_rows, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    all_rows,
+    any_rows,
+    compute_lengths,
+    cross_rows,
+    sum_rows,
+)
 
 FOLD_ANGLE = np.deg2rad(120)
 """Two faces at an edge are a fold where their normals differ by more: a level sheet has 0 degrees, a right-angled
@@ -29,17 +37,13 @@ MOST_BOXES = 1 << 18
 _SHORTEST = 1e-300  # Taken for 0 where a logarithm is
 
 
-def find_folded_edges(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], angle: float = FOLD_ANGLE
-) -> Int[np.ndarray, "P 2"]:
+def find_folded_edges(vertices: Vertices, faces: Faces, angle: float = FOLD_ANGLE) -> Int[np.ndarray, "P 2"]:
     """Return the pairs of faces at the edges where the surface doubles back."""
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     return hinges.faces[measure_bends(vertices, faces, hinges) < np.cos(angle)]
 
 
-def measure_bends(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], hinges: Hinges
-) -> Float[np.ndarray, " P"]:
+def measure_bends(vertices: Vertices, faces: Faces, hinges: Hinges) -> Float[np.ndarray, " P"]:
     """Return the cosine between the normals of the two faces at every hinge; 1 where the surface is flat."""
     normals = compute_normals(vertices, faces)
     cosine = sum_rows(normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]])
@@ -47,9 +51,7 @@ def measure_bends(
 
 
 def find_intersections(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_selected: Bool[np.ndarray, " F"] | None = None,
+    vertices: Vertices, faces: Faces, is_selected: Bool[np.ndarray, " F"] | None = None
 ) -> Int[np.ndarray, "P 2"]:
     """Return the pairs of faces that intersect, in ascending order; none that share an edge.
 

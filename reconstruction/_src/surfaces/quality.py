@@ -9,7 +9,14 @@ from jaxtyping import Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    compute_areas,
+    compute_lengths,
+    cross_rows,
+    sum_rows,
+)
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
 
@@ -129,7 +136,7 @@ def measure_quality(
 
 
 def compute_distances(
-    points: Num[np.ndarray, "N 3"], vertices: Num[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+    points: Num[np.ndarray, "N 3"], vertices: Num[np.ndarray, "V 3"], faces: Faces
 ) -> Float[np.ndarray, " N"]:
     """Return the exact distance of every point to the nearest point of the faces, by libigl."""
     import igl
@@ -142,7 +149,7 @@ def compute_distances(
     return np.sqrt(np.maximum(squared, 0))
 
 
-def count_topology(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Topology:
+def count_topology(faces: Faces, num_vertices: int) -> Topology:
     """Count what makes, or spoils, a two-manifold."""
     faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -167,7 +174,7 @@ def count_topology(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Topology
     )
 
 
-def find_pinched(faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, " P"]:
+def find_pinched(faces: Faces) -> Int[np.ndarray, " P"]:
     """Return the vertices whose faces are not one fan joined by edges, by libigl."""
     import igl
 
@@ -185,9 +192,7 @@ def _count_parts(edges: Int[np.ndarray, "E 2"], num_vertices: int) -> int:
     return int(connected_components(graph, directed=False)[0])
 
 
-def _find_angles(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "F 3"]:
+def _find_angles(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:
     """Return the angle at every corner [rad]."""
     corners = vertices[faces]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners

@@ -6,8 +6,22 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
-from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges, group_sides, make_manifold
-from reconstruction._src.geometry.rows import any_corner, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.manifold import (
+    Hinges,
+    find_ends,
+    find_hinges,
+    group_sides,
+    make_manifold,
+    widen,
+)
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    any_corner,
+    compute_lengths,
+    cross_rows,
+    sum_rows,
+)
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
 _SHORTEST = 1e-300  # Divided by instead of 0: the direction of an edge without length is 0
@@ -29,7 +43,7 @@ _SHARP_ANGLE = np.deg2rad(75)
 over a narrow groove."""
 
 
-def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
+def find_folded(vertices: Vertices, faces: Faces) -> Bool[np.ndarray, " F"]:
     """Return which faces lie against the mean normal, by area, of those around their corners."""
     a = vertices[faces[:, 0]]
     cross = cross_rows(vertices[faces[:, 1]] - a, vertices[faces[:, 2]] - a)
@@ -49,8 +63,8 @@ class Tangles(NamedTuple):
 
 
 def find_tangled(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
+    vertices: Vertices,
+    faces: Faces,
     hinges: Hinges,
     is_suspect: Bool[np.ndarray, " F"],
     is_tested: Bool[np.ndarray, " F"] | None = None,
@@ -78,10 +92,8 @@ def find_tangled(
 
 
 def unfold_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_movable: Bool[np.ndarray, " V"] | None = None,
-) -> Float[np.ndarray, "V 3"]:
+    vertices: Vertices, faces: Faces, is_movable: Bool[np.ndarray, " V"] | None = None
+) -> Vertices:
     """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
 
     A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
@@ -90,9 +102,7 @@ def unfold_faces(
     return _unfold(vertices, faces, is_movable)[0]
 
 
-def untangle(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
+def untangle(vertices: Vertices, faces: Faces) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
     """Do what `unfold_faces` does; of faces that still lie across others, those across the most go.
 
     Vertices that are left without a face go with them.
@@ -109,10 +119,8 @@ def untangle(
 
 
 def _unfold(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_movable: Bool[np.ndarray, " V"] | None = None,
-) -> tuple[Float[np.ndarray, "V 3"], Bool[np.ndarray, " F"]]:
+    vertices: Vertices, faces: Faces, is_movable: Bool[np.ndarray, " V"] | None = None
+) -> tuple[Vertices, Bool[np.ndarray, " F"]]:
     """Do what `unfold_faces` does; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))
@@ -127,7 +135,9 @@ def _unfold(
     for rings, moves_boundary in _STAGES:
         current, tangles, left = vertices, best, _ROUNDS
         while left > 0 and best.is_tangled.any():
-            is_moved = _widen(tangles.is_tangled, faces, len(vertices), rings)
+            is_moved = np.zeros(len(vertices), dtype=bool)
+            is_moved[faces[tangles.is_tangled]] = True
+            is_moved = widen(faces, is_moved, rings)
             is_moved &= (~is_boundary | moves_boundary) & ~is_fixed
             moved = np.flatnonzero(is_moved)
             around = neighbors[moved]
@@ -144,19 +154,8 @@ def _unfold(
     return vertices, best.is_tangled
 
 
-def _widen(
-    is_selected: Bool[np.ndarray, " F"], faces: Int[np.ndarray, "F 3"], num_vertices: int, rings: int
-) -> Bool[np.ndarray, " {num_vertices}"]:
-    """Return which vertices are those of the selected faces, or of `rings` rings around them."""
-    is_inside = np.zeros(num_vertices, dtype=bool)
-    is_inside[faces[is_selected]] = True
-    for _ in range(rings):
-        is_inside[faces[any_corner(is_inside, faces)]] = True
-    return is_inside
-
-
 def _find_turns(
-    vertices: Float[np.ndarray, "V 3"], tail: Int[np.ndarray, " B"], head: Int[np.ndarray, " B"]
+    vertices: Vertices, tail: Int[np.ndarray, " B"], head: Int[np.ndarray, " B"]
 ) -> Bool[np.ndarray, " V"]:
     """Return at which vertices the boundary, edges from tail to head, turns by more than `_BOUNDARY_ANGLE`."""
     along = vertices[head] - vertices[tail]

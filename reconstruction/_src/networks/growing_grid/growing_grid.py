@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.rows import compute_lengths, sum_rows
-from reconstruction._src.knowledge.changes.free_space import widen
+from reconstruction._src.geometry.manifold import widen
+from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, sum_rows
 from reconstruction._src.networks.growing_grid import paper as grid_paper
 from reconstruction._src.networks.growing_grid.growth import (
     Insertion,
@@ -39,11 +39,7 @@ from reconstruction._src.networks.growing_grid.learning import (
     fit_grid,
     learn,
 )
-from reconstruction._src.networks.growing_grid.mesh import (
-    find_covered_cells,
-    triangulate,
-    untangle_sheet,
-)
+from reconstruction._src.networks.growing_grid.mesh import find_covered_cells, triangulate, untangle_sheet
 from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.density import measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
@@ -117,19 +113,17 @@ class State(NamedTuple):
     has_face: Bool[np.ndarray, "R-1 C-1"]  # whether the cell between four units belongs to the surface
 
     @property
-    def vertices(self) -> Float[np.ndarray, "V 3"]:
+    def vertices(self) -> Vertices:
         """The units, row after row [m]."""
         return self.units.reshape(-1, 3)
 
     @property
-    def faces(self) -> Int[np.ndarray, "F 3"]:
+    def faces(self) -> Faces:
         """Two triangles a cell."""
         return triangulate(self.units, self.has_face)
 
 
-def train(
-    points: Float[np.ndarray, "N 3"], config: GrowingGridConfig, seed: int = 0, progress: Progress = silent
-) -> State:
+def train(points: Points, config: GrowingGridConfig, seed: int = 0, progress: Progress = silent) -> State:
     """Grow a grid of 2 x 2 units over the points."""
     return _train(points, config, seed, progress, None)
 
@@ -137,7 +131,7 @@ def train(
 def train_again(
     state: State,
     is_changed: Bool[np.ndarray, " V"],
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     config: GrowingGridConfig,
     seed: int = 0,
     progress: Progress = silent,
@@ -163,11 +157,7 @@ class _Start(NamedTuple):
 
 
 def _train(
-    points: Float[np.ndarray, "N 3"],
-    config: GrowingGridConfig,
-    seed: int,
-    progress: Progress,
-    start: _Start | None,
+    points: Points, config: GrowingGridConfig, seed: int, progress: Progress, start: _Start | None
 ) -> State:
     """Do what `train` and `train_again` do."""
     rng = np.random.default_rng(seed)
@@ -202,7 +192,7 @@ def _train(
 
 
 def _train_batch(
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     config: GrowingGridConfig,
     rng: np.random.Generator,
     progress: Progress,
@@ -230,10 +220,7 @@ def _train_batch(
 
 
 def _grow(
-    points: Float[np.ndarray, "N 3"],
-    sort: Callable[[int], Tiles],
-    config: GrowingGridConfig,
-    progress: Progress,
+    points: Points, sort: Callable[[int], Tiles], config: GrowingGridConfig, progress: Progress
 ) -> Float[np.ndarray, "R C 3"]:
     """Grow from 2 x 2 to the wanted number of units."""
     wanted = config.wanted_units

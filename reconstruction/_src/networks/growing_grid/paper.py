@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.progress import Progress
+from reconstruction._src.geometry.rows import Points
 from reconstruction._src.networks.growing_grid.growth import Insertion, choose_line_pair, insert_lines
 from reconstruction._src.networks.som.compilation import padded_length
 
@@ -25,7 +26,7 @@ _MIN_SIDE = 8  # Rows and columns for which there is room at least, so that few 
 
 
 def train(
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     wanted: int,
     triangles: int | None,
     insertion: Insertion,
@@ -55,7 +56,7 @@ def _is_complete(units: Float[np.ndarray, "R C 3"], wanted: int, triangles: int 
 
 
 def _present(
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     units: Float[np.ndarray, "R C 3"],
     num_signals: int,
     rate: float,

@@ -6,12 +6,12 @@ over them alone, where they are the rule, and is put beside the first.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import compute_lengths
+from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths
 
 PASSES = 2  # How often the rest is looked for; 0: never
 _NEIGHBORS = 8  # Samples around a sample that measure its spacing
@@ -30,11 +30,7 @@ SAMPLES_PER_UNIT = 4.0  # Samples of such a group for each new unit. They are sp
 MAX_SHARE = 0.25  # The most new units in all, as a share of those wanted
 
 
-def find_uncovered(
-    samples: Float[np.ndarray, "N 3"],
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-) -> Bool[np.ndarray, " N"]:
+def find_uncovered(samples: Points, vertices: Vertices, faces: Faces) -> Bool[np.ndarray, " N"]:
     """Return which samples belong to a group that no face covers."""
     import igl
 
@@ -57,9 +53,7 @@ def find_uncovered(
 
 
 def _find_groups(
-    samples: Float[np.ndarray, "N 3"],
-    spacing: Float[np.ndarray, " N"],
-    is_flat: Bool[np.ndarray, " N"],
+    samples: Points, spacing: Float[np.ndarray, " N"], is_flat: Bool[np.ndarray, " N"]
 ) -> Bool[np.ndarray, " N"]:
     """Return which samples are in a group that is large and flat enough."""
     if len(samples) < _MIN_SAMPLES:

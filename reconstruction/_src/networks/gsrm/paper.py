@@ -10,11 +10,12 @@ References:
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.geometry.manifold import make_winding
+from reconstruction._src.geometry.rows import Faces, Points
 from reconstruction._src.networks.gsrm.paper_patching import PaperMesh, patch_mesh
 
 _FAR = 1e9  # Where the slots of removed units lie: they win nothing
@@ -137,8 +138,8 @@ def join_winners(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"], first: in
 
 
 def train(
-    points: Float[np.ndarray, "N 3"], num_units: int, rng: np.random.Generator, progress: Progress
-) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
+    points: Points, num_units: int, rng: np.random.Generator, progress: Progress
+) -> tuple[Float[np.ndarray, "U 3"], Faces]:
     """Grow a map by the literal rules, learn its topology again, patch it."""
     rates = Rates()
     order = rng.permutation(len(points))

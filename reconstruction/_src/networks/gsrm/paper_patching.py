@@ -8,7 +8,9 @@ References:
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
+
+from reconstruction._src.geometry.rows import Faces
 
 Edge = tuple[int, int]
 
@@ -85,7 +87,7 @@ class PaperMesh:
                 if c > b:
                     yield a, b, c
 
-    def gather_faces(self) -> Int[np.ndarray, "F 3"]:
+    def gather_faces(self) -> Faces:
         """Return the faces, not consistently wound."""
         return np.array(list(self.walk_faces()), dtype=np.int64).reshape(-1, 3)
 

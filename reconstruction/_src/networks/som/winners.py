@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.rows import compute_lengths
+from reconstruction._src.geometry.rows import Points, compute_lengths
 
 _PLACE_BITS = 7
 _PLACE_MASK = (1 << _PLACE_BITS) - 1
@@ -42,7 +42,7 @@ class Tiles(NamedTuple):
     tree: cKDTree  # a k-d tree of the samples, each once, in the order they came in
 
 
-def make_tiles(samples: Float[np.ndarray, "N 3"], tile_size: int = TILE_SIZE) -> Tiles:
+def make_tiles(samples: Points, tile_size: int = TILE_SIZE) -> Tiles:
     """Halve the samples across their longest extent until at most `tile_size` share a tile."""
     samples = np.ascontiguousarray(samples, dtype=np.float32)
     num_samples, num_tiles = len(samples), 1
@@ -61,7 +61,7 @@ def make_tiles(samples: Float[np.ndarray, "N 3"], tile_size: int = TILE_SIZE) ->
     return Tiles(inside, order.astype(np.int32), leaves < num_samples, centers, tree)
 
 
-def _halve(positions: Float[np.ndarray, "N 3"], num_parts: int) -> Int[np.ndarray, "num_parts S"]:
+def _halve(positions: Points, num_parts: int) -> Int[np.ndarray, "num_parts S"]:
     """Return the indices of positions in parts of equal size; parts next to each other lie next to each other.
 
     (A tree's leaves would not do: where several positions share the median, its halves differ in size.)

@@ -15,7 +15,7 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import find_smallest_rectangle
-from reconstruction._src.geometry.manifold import find_ends, group_sides
+from reconstruction._src.geometry.manifold import find_border_vertices
 from reconstruction._src.geometry.outlines import find_largest_rectangle
 from reconstruction._src.geometry.rows import Faces, Vertices, compute_lengths, sum_rows
 from reconstruction._src.geometry.sampling import sample_surface
@@ -167,19 +167,11 @@ def _is_closed(shape: Primitive, area: float, vertices: Vertices, faces: Faces, 
     distance, nearest, _, normals = (
         np.asarray(part) for part in igl.signed_distance(points, vertices, faces, kind)
     )
-    is_rim = _find_rim(faces, len(vertices))
+    is_rim = find_border_vertices(faces, len(vertices))
     looks_alike = sum_rows(np.asarray(mesh.face_normals)[index] * normals) > 0
     is_on = (np.abs(distance) <= _ON * tolerance) & looks_alike
     is_behind = (distance < 0) & (is_rim[faces[nearest]].sum(axis=1) < 2)
     return bool((is_on | is_behind).mean() >= 1.0 - _MAX_EXPOSED)
-
-
-def _find_rim(faces: Faces, num_vertices: int) -> Bool[np.ndarray, " V"]:
-    """Return which vertices are at the end of an edge with one face."""
-    sides = group_sides(faces, num_vertices)
-    is_rim = np.zeros(num_vertices, dtype=bool)
-    is_rim[np.concatenate(find_ends(faces, sides.slots[sides.starts[sides.counts == 1]]))] = True
-    return is_rim
 
 
 def _propose_boxes(sides: list[_Side], edge: float) -> list[tuple[Primitive, tuple[int, ...]]]:

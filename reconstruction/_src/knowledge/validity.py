@@ -1,13 +1,12 @@
 """Which old points a surface still rests on, once new readings were compared with it."""
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import compute_vertex_normals, group_sides
-from reconstruction._src.geometry.rows import compute_lengths, sum_rows
-from reconstruction._src.knowledge.changes.detection import Change
-from reconstruction._src.knowledge.changes.free_space import widen
+from reconstruction._src.geometry.manifold import compute_vertex_normals, find_border_vertices, spread, widen
+from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, sum_rows
+from reconstruction._src.knowledge.changes import Change
 
 _STRONG_RINGS = 2  # A vertex has moved only within this many rings of a vertex with strong disagreement
 _MAX_EXTENSION_RISE = 0.5
@@ -21,28 +20,15 @@ _MIN_CONFIRMATIONS = 4.0
 """Readings that a vertex must win on average for their absence to mean that it is gone."""
 
 
-def _find_changed(faces: Int[np.ndarray, "F 3"], change: Change) -> Bool[np.ndarray, " V"]:
-    """Return the vertices that have moved or are gone."""
-    is_moved = change.is_moved & widen(faces, change.is_strong, _STRONG_RINGS)
-    if not change.is_gone.any():
-        return is_moved
-    confirmations = np.bincount(change.winners[~change.disagrees], minlength=len(is_moved))
-    return is_moved | _spread_gone(faces, change, confirmations)
-
-
 def compare(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    change: Change,
-    old_points: Float[np.ndarray, "N 3"],
-    new_points: Float[np.ndarray, "M 3"],
+    vertices: Vertices, faces: Faces, change: Change, old_points: Points, new_points: Float[np.ndarray, "M 3"]
 ) -> tuple[Bool[np.ndarray, " V"], Bool[np.ndarray, " N"]]:
     """Return which vertices have changed, and which old points are still valid.
 
     Points of vertices that moved or are gone are not valid, unless the surface goes on there; those near them are not
     where new readings lie on another surface. A vertex without valid points has changed, too.
     """
-    is_changed = _find_changed(faces, change)
+    is_changed = change.is_moved & widen(faces, change.is_strong, _STRONG_RINGS) | _spread_gone(faces, change)
     if not is_changed.any():
         return is_changed, np.ones(len(old_points), dtype=bool)
     is_refuted = is_changed & ~_find_extended(vertices, faces, change, new_points[change.compared])
@@ -54,6 +40,32 @@ def compare(
     return is_changed | (2 * lost > had), is_valid
 
 
+def _spread_gone(faces: Faces, change: Change) -> Bool[np.ndarray, " V"]:
+    """Return the gone vertices with those next to them that new readings pass close by but never confirm.
+
+    Where readings are so few that a vertex may miss its own by chance, nothing is added.
+    """
+    confirmations = np.bincount(change.winners[~change.disagrees], minlength=len(change.is_gone))
+    has_any = confirmations > 0
+    if not has_any.any() or confirmations[has_any].mean() < _MIN_CONFIRMATIONS:
+        return change.is_gone
+    return spread(faces, change.is_gone, change.is_read & ~has_any)
+
+
+def _find_extended(
+    vertices: Vertices, faces: Faces, change: Change, readings: Float[np.ndarray, "C 3"]
+) -> Bool[np.ndarray, " V"]:
+    """Return the vertices at the boundary beyond which new readings continue the surface."""
+    winner, distant = change.winners[change.disagrees], readings[change.disagrees]
+    normals = compute_vertex_normals(vertices, faces)
+    normals /= np.maximum(compute_lengths(normals)[..., None], 1e-300)
+    offset = distant - vertices[winner]
+    rise = np.abs(sum_rows(offset * normals[winner])) / np.maximum(compute_lengths(offset), 1e-300)
+    count = np.bincount(winner, minlength=len(vertices))
+    flat = np.bincount(winner, rise < _MAX_EXTENSION_RISE, minlength=len(vertices))
+    return find_border_vertices(faces, len(vertices)) & (flat > count / 2)
+
+
 def _lie_on(
     points: Float[np.ndarray, "P 3"], readings: Float[np.ndarray, "M 3"], tolerance: float
 ) -> Bool[np.ndarray, " P"]:
@@ -63,48 +75,8 @@ def _lie_on(
     rows = cKDTree(readings).query(points, k=_PLANE_READINGS)[1]
     middle = readings[rows].mean(axis=1)
     around = readings[rows] - middle[:, None]
-    spread, axes = np.linalg.eigh(np.einsum("pki,pkj->pij", around, around) / _PLANE_READINGS)
+    variances, axes = np.linalg.eigh(np.einsum("pki,pkj->pij", around, around) / _PLANE_READINGS)
     offset = points - middle
     height = np.abs(sum_rows(offset * axes[:, :, 0]))
-    is_beside = sum_rows(offset**2) - height**2 < _BESIDE**2 * spread[:, 1:].sum(axis=1)
+    is_beside = sum_rows(offset**2) - height**2 < _BESIDE**2 * variances[:, 1:].sum(axis=1)
     return (height <= tolerance) | ~is_beside
-
-
-def _spread_gone(
-    faces: Int[np.ndarray, "F 3"], change: Change, confirmations: Int[np.ndarray, " V"]
-) -> Bool[np.ndarray, " V"]:
-    """Return the gone vertices with those next to them that new readings pass close by but never confirm.
-
-    Where readings are so few that a vertex may miss its own by chance, nothing is added.
-    """
-    is_gone, has_any = change.is_gone, confirmations > 0
-    if not has_any.any() or confirmations[has_any].mean() < _MIN_CONFIRMATIONS:
-        return is_gone
-    unconfirmed = change.is_read & ~has_any
-    while True:
-        wider = is_gone | widen(faces, is_gone, 1) & unconfirmed
-        if (wider == is_gone).all():
-            return is_gone
-        is_gone = wider
-
-
-def _find_extended(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    change: Change,
-    readings: Float[np.ndarray, "C 3"],
-) -> Bool[np.ndarray, " V"]:
-    """Return the vertices at the boundary beyond which new readings continue the surface."""
-    winner, distant = change.winners[change.disagrees], readings[change.disagrees]
-    is_boundary = np.zeros(len(vertices), dtype=bool)
-    if len(distant) == 0:
-        return is_boundary
-    sides = group_sides(faces, len(vertices))
-    is_boundary[faces.ravel()[sides.slots[sides.starts[sides.counts == 1]]]] = True
-    normals = compute_vertex_normals(vertices, faces)
-    normals /= np.maximum(compute_lengths(normals)[..., None], 1e-300)
-    offset = distant - vertices[winner]
-    rise = np.abs(sum_rows(offset * normals[winner])) / np.maximum(compute_lengths(offset), 1e-300)
-    count = np.bincount(winner, minlength=len(vertices))
-    flat = np.bincount(winner, rise < _MAX_EXTENSION_RISE, minlength=len(vertices))
-    return is_boundary & (flat > count / 2)
