@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float, Int, Num
 from reconstruction._src.geometry.rows import Faces, Vertices, compute_lengths
 from reconstruction._src.networks.least_squares import FitConfig, compute_chunk, fit_once
 from reconstruction._src.networks.som.compilation import half_octave_length, pad_rows, padded_length
-from reconstruction._src.networks.som.winners import find_winners
 
 _MIN_SAMPLES = 1024  # There is room for at least this many samples: smaller meshes share their programs
 _SAMPLES_PER_VERTEX = 4
@@ -22,7 +21,7 @@ _SAMPLES_PER_VERTEX = 4
 _MIN_DEPTH = 12
 """Where few programs are to be compiled, there is room for this many faces around a vertex, or for twice as many, and
 so on."""
-_DEFAULT = FitConfig()
+_CONFIG = FitConfig()  # How a mesh is fitted
 
 
 def fit_surface(
@@ -31,10 +30,9 @@ def fit_surface(
     samples: Num[np.ndarray, "N 3"],
     *,
     iterations: int = 3,
-    winners: Int[np.ndarray, " N"] | None = None,
+    winners: Int[np.ndarray, " N"],
     weights: Num[np.ndarray, " N"] | None = None,
     is_movable: Bool[np.ndarray, " V"] | None = None,
-    config: FitConfig = _DEFAULT,
 ) -> Vertices:
     """Return vertices moved so that the faces lie on the samples (see `least_squares`).
 
@@ -45,8 +43,6 @@ def fit_surface(
     faces = np.asarray(faces)
     if len(faces) == 0 or len(samples) == 0 or iterations <= 0:
         return vertices.copy()
-    if winners is None:
-        winners = find_winners(samples, vertices, 1)[:, 0]
     center, scale = vertices.mean(axis=0), mean_edge_length(vertices, faces)
     if not scale > 0:
         return vertices.copy()
@@ -72,7 +68,7 @@ def fit_surface(
         sort_by_degree(ring, winners) if is_movable is None else None,
         weights,
         np.int32(iterations),
-        config=config,
+        config=_CONFIG,
         chunk=compute_chunk(num_samples),
     )
     step = np.asarray(moved - scaled)[: len(vertices)]

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from reconstruction._src.geometry.manifold import group_sides
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
@@ -152,13 +153,11 @@ def compute_distances(
 def count_topology(faces: Faces, num_vertices: int) -> Topology:
     """Count what makes, or spoils, a two-manifold."""
     faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
-    directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    keys = np.sort(directed, axis=1) @ np.array([num_vertices, 1])
-    edge_keys, faces_at = np.unique(keys, return_counts=True)
-    edges = np.stack(np.divmod(edge_keys, max(num_vertices, 1)), axis=1)
-    _, uses = np.unique(directed @ np.array([num_vertices, 1]), return_counts=True)
-    used = np.unique(faces)
-    boundary = edges[faces_at == 1]
+    sides = group_sides(faces, num_vertices)
+    edges = np.stack(np.divmod(sides.keys, max(num_vertices, 1)), axis=1)
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    _, uses = np.unique(tails * num_vertices + heads, return_counts=True)
+    used, boundary = np.unique(faces), edges[sides.counts == 1]
     parts = _count_parts(edges, num_vertices) - (num_vertices - len(used))
     return Topology(
         num_vertices=len(used),
@@ -166,7 +165,7 @@ def count_topology(faces: Faces, num_vertices: int) -> Topology:
         unused_vertices=num_vertices - len(used),
         boundary_edges=len(boundary),
         boundary_loops=_count_parts(boundary, num_vertices) - (num_vertices - len(np.unique(boundary))),
-        non_manifold_edges=int((faces_at > 2).sum()),
+        non_manifold_edges=int((sides.counts > 2).sum()),
         pinched_vertices=len(find_pinched(faces)),
         miswound_edges=int((uses > 1).sum()),
         components=parts,

@@ -16,13 +16,6 @@ def make_colored(value: int) -> trimesh.Trimesh:
     return mesh
 
 
-def test_a_constant_offset_is_the_error():
-    error = measure_color_error(make_colored(102), lambda places: np.full((len(places), 3), 0.5))
-    assert error.rmse == pytest.approx(0.1)
-    assert error.p95 == pytest.approx(0.1)
-    assert error.away == 1.0
-
-
 def test_edges_are_told_apart():
     def paint(places):
         return np.repeat(np.where(places[:, :1] < 0, 0.4, 0.9), 3, axis=1)

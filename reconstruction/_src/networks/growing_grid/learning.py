@@ -45,15 +45,14 @@ def learn(
     is_movable: Bool[np.ndarray, "R C"] | None = None,
 ) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
     """Train the grid by the batch rule."""
-    capacity = max(compute_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
-    padded, candidates = _pad(units, tiles, capacity)
+    padded, candidates, mask = _pad(units, tiles, goal, is_movable)
     moved, counts = _learn(
         tiles.samples,
         tiles.is_real,
         padded,
         candidates,
         np.array(units.shape[:2]),
-        _pad_mask(is_movable, units, capacity),
+        mask,
         np.float32(sigma),
         np.int32(iterations),
     )
@@ -86,9 +85,8 @@ def fit_grid(
     rows, columns = units.shape[:2]
     spacing = float(compute_lengths(np.diff(units, axis=1)).mean())
     spacing = (spacing + float(compute_lengths(np.diff(units, axis=0)).mean())) / 2
-    capacity = max(compute_capacity(goal), padded_length(rows * columns, MAX_CANDIDATES))
-    padded, candidates = _pad(units, tiles, capacity)
-    ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), capacity)
+    padded, candidates, mask = _pad(units, tiles, goal, is_movable)
+    ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), len(padded))
     ring = np.pad(ring, ((0, 0), (0, _RING_DEPTH - ring.shape[1]), (0, 0)), constant_values=-1)
     moved, counts = _fit(
         tiles.samples / np.float32(spacing),
@@ -96,7 +94,7 @@ def fit_grid(
         padded / np.float32(spacing),
         candidates,
         np.array([rows, columns]),
-        _pad_mask(is_movable, units, capacity),
+        mask,
         ring,
         np.resize(sigmas, MAX_ITERATIONS).astype(np.float32),
         np.int32(len(sigmas)),
@@ -115,13 +113,16 @@ def _as_grid(
 
 
 def _pad(
-    units: Float[np.ndarray, "R C 3"], tiles: Tiles, capacity: int
-) -> tuple[Float[np.ndarray, "capacity 3"], Int[np.ndarray, "T K"]]:
-    """Return the units, row after row, and every tile's candidates.
+    units: Float[np.ndarray, "R C 3"], tiles: Tiles, goal: int, is_movable: Bool[np.ndarray, "R C"] | None
+) -> tuple[Float[np.ndarray, "capacity 3"], Int[np.ndarray, "T K"], Bool[np.ndarray, " capacity"]]:
+    """Return the units, row after row, every tile's candidates, and which units may move.
 
-    Both shapes follow from the capacity, the number of samples and whether the lists are long enough: another
+    The shapes follow from the goal, the number of samples and whether the lists are long enough: another
     seed, another proportion of the grid, but the same compiled program.
     """
+    capacity = max(compute_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
+    mask = np.ones(units.shape[:2], dtype=bool) if is_movable is None else is_movable
+    mask = pad_rows(mask.reshape(-1), capacity, False)
     flat = units.reshape(-1, 3)
     padded = pad_rows(flat.astype(np.float32), capacity, _FAR)
     if capacity <= MAX_CANDIDATES:
@@ -133,15 +134,7 @@ def _pad(
         radius = compute_lengths(tiles.samples[:, ::4] - tiles.centers[:, None]).max(axis=1)
         if (reach < radius).mean() > _MAX_SHORT and number < min(MAX_CANDIDATES, len(flat)):
             candidates, _ = find_candidates(tiles, flat, min(2 * number, MAX_CANDIDATES, len(flat)))
-    return padded, candidates
-
-
-def _pad_mask(
-    is_movable: Bool[np.ndarray, "R C"] | None, units: Float[np.ndarray, "R C 3"], capacity: int
-) -> Bool[np.ndarray, " capacity"]:
-    number = units.shape[0] * units.shape[1]
-    mask = np.ones(number, dtype=bool) if is_movable is None else is_movable.reshape(-1)
-    return pad_rows(mask, capacity, False)
+    return padded, candidates, mask
 
 
 def compute_capacity(goal: int) -> int:

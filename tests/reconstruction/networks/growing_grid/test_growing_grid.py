@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
 from reconstruction._src.networks.growing_grid.growth import (
@@ -58,14 +57,6 @@ def test_it_finds_the_surface_up_to_its_rim(step, grown):
     assert quality.mesh_to_truth.mean < 0.002
     assert (quality.self_intersections, quality.folds) == (0, 0)
     assert quality.min_angle > np.deg2rad(30)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_it_is_one_sheet_whatever_the_seed(step, seed):
-    state = train(draw(step, 6000, seed), GrowingGridConfig(units=300), seed=seed)
-    topology = judge(state).topology
-    assert topology.is_manifold
-    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
 
 
 def test_equal_seeds_give_equal_bytes(step):
@@ -131,18 +122,6 @@ def test_a_ring_keeps_its_hole():
     assert topology.is_manifold
     assert (topology.euler_number, topology.boundary_loops, topology.components) == (0, 2, 1)
     assert (np.linalg.norm(middle, axis=1) < 0.6).mean() < 0.02
-
-
-def test_four_units_are_the_least():
-    points = draw(make_step(), 200)
-    assert train(points, GrowingGridConfig(units=4)).units.shape == (2, 2, 3)
-    for wrong in ({"units": 3}, {"triangles": 1}):
-        with pytest.raises(ReconstructionError, match=str(next(iter(wrong)))):
-            GrowingGridConfig(**wrong)
-    with pytest.raises(ReconstructionError, match="'longest', 'counter' or 'distant'"):
-        GrowingGridConfig(insertion="nearest")  # pyright: ignore[reportArgumentType]
-    with pytest.raises(ReconstructionError, match="'batch' or 'paper'"):
-        GrowingGridConfig(mode="fast")  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ from reconstruction._src.geometry.manifold import (
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction._src.networks.gsrm.support import Support
 from reconstruction._src.networks.gsrm.topology import (
-    compute_circumcenters,
     find_cliques,
     find_empty,
     find_triples,
@@ -68,13 +67,6 @@ def test_empty_balls_choose_the_diagonal() -> None:
     empty, margin = find_empty(SQUARE, faces, edges)
     assert empty.tolist() == [2, 3]
     assert (margin > 1).all()
-
-
-def test_circumcenter_of_a_right_angle() -> None:
-    centers, squared = compute_circumcenters(np.array([[[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]]))
-    np.testing.assert_allclose(centers, [[1, 1, 0]])
-    np.testing.assert_allclose(squared, [2])
-    assert np.isinf(compute_circumcenters(np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]]))[1]).all()
 
 
 def test_a_third_face_at_an_edge_goes() -> None:
@@ -136,15 +128,6 @@ def test_a_gap_is_patched_where_there_are_samples(spacing: float) -> None:
     topology = count_topology(patched, 36)
     assert topology.is_manifold
     assert (topology.boundary_loops, topology.num_faces) == (1, len(faces) - 2)
-
-
-def test_a_hole_in_the_data_stays_open() -> None:
-    units, faces = _make_grid(6)
-    holed = make_winding(units, faces[(faces != 14).all(axis=1)])
-    samples = _make_samples(6)
-    samples = samples[np.linalg.norm(samples - units[14], axis=1) > 0.8]
-    patched, _ = patch_holes(units, holed, _support(samples, 0.125))
-    assert len(patched) == len(holed)
 
 
 def test_a_single_face_is_not_closed_to_a_pillow() -> None:
