@@ -243,8 +243,7 @@ class Reconstruction:
         free_rays: Float[np.ndarray, "K 2 3"] | None,
     ) -> tuple[State, Bool[np.ndarray, " N"]]:
         """Return the network that has learned from new readings, and which of the old points are still valid."""
-        from reconstruction._src.knowledge.changes import detect_changes
-        from reconstruction._src.knowledge.validity import compare
+        from reconstruction._src.knowledge.changes import compare, detect_changes
         from reconstruction._src.networks.surface_fit import mean_edge_length
 
         vertices, faces = self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64)

@@ -1,23 +1,11 @@
 """Refuse numbers of configurations that are out of range, with the error of the caller's package and one wording."""
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from numbers import Integral, Real
 from typing import Any
 
-from reconstruction._src.base.errors import ReconstructionError
-
 Limits = Mapping[str, tuple[float, float]]  # Field -> smallest and largest value
-
-
-def check_all_positive(config: object) -> None:
-    """Refuse a configuration of a network with a number that is not above zero."""
-    for field in dataclasses.fields(config):  # pyright: ignore[reportArgumentType]
-        value = getattr(config, field.name)
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            what = f"{type(config).__name__}.{field.name}"
-            _check(value > 0, what, "above 0", value, ReconstructionError)
 
 
 def check_positive(config: object, names: Iterable[str], error: type[Exception]) -> None:

@@ -65,7 +65,6 @@ class Quality:
         area: surface area [m²].
         self_intersections: pairs of faces, without a common edge, that intersect.
         folds: edges at which the surface doubles back: the normals of their faces differ by more than 120 degrees.
-        folded_faces: share of faces in a fold or an intersection. Deprecated: use the two above.
         min_angle: mean of the faces' smallest angles [rad]; 60 degrees for equilateral triangles.
         slivers: share of faces with an angle below 10 degrees.
         cloud_to_mesh: from the data to the nearest point of the faces.
@@ -78,7 +77,6 @@ class Quality:
     area: float
     self_intersections: int
     folds: int
-    folded_faces: float
     min_angle: float
     slivers: float
     cloud_to_mesh: Distances | None = None
@@ -129,7 +127,6 @@ def measure_quality(
         area=float(areas.sum()),
         self_intersections=len(intersections),
         folds=len(folds),
-        folded_faces=len(np.union1d(intersections, folds)) / max(len(faces), 1),
         min_angle=float(angles.min(axis=1).mean()) if len(faces) else 0.0,
         slivers=float((angles.min(axis=1) < SLIVER_ANGLE).mean()) if len(faces) else 0.0,
         **distances,  # pyright: ignore[reportArgumentType]

@@ -40,9 +40,9 @@ from reconstruction._src.networks.growing_grid.learning import (
     learn,
 )
 from reconstruction._src.networks.growing_grid.mesh import find_covered_cells, triangulate, untangle_sheet
-from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.density import measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
+from reconstruction._src.networks.surface_fit import FitConfig
 
 _FREE_RINGS = 2  # Units within this many rings of a changed one learn again with it
 _REACH = 2.0  # A point is reached where a unit lies within this many median sides of the grid

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from reconstruction._src.geometry.rows import compute_lengths
 from reconstruction._src.networks.growing_grid.mesh import triangulate, unfold
-from reconstruction._src.networks.least_squares import FitConfig, compute_chunk, fit_once
 from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 from reconstruction._src.networks.som.winners import (
     MAX_CANDIDATES,
@@ -18,7 +17,7 @@ from reconstruction._src.networks.som.winners import (
     find_candidates,
     search_tiles,
 )
-from reconstruction._src.networks.surface_fit import make_ring
+from reconstruction._src.networks.surface_fit import FitConfig, compute_chunk, fit_once, make_ring
 
 TAPS = 3  # Reach of the neighborhood along each grid axis
 MAX_ITERATIONS = 24  # Iterations of a fit at most

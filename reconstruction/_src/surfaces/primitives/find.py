@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
@@ -12,7 +11,6 @@ from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.base.range_checks import check_all_positive
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import find_smallest_rectangle
 from reconstruction._src.geometry.manifold import find_border_vertices
@@ -24,7 +22,8 @@ from reconstruction._src.surfaces.primitives.ransac import FoundShape, estimate_
 
 _NOISES = 3.0  # Standard deviations of the noise that a vertex is off its shape at most
 _TOLERANCE_LIMITS = (0.004, 0.006)
-"""Of an estimated tolerance [m]. Beams on a shape are off those on the mesh by a quarter of it in the mean."""
+"""Of the tolerance [m]: beams on a shape are off those on the mesh by a quarter of it in the mean; less leaves holes in
+planes, which rectangles must go around."""
 _MIN_COVERED = 0.3  # Share of a closed shape (box, sphere, cylinder) that faces cover, at least
 _MAX_EXPOSED = 0.02  # Share of a closed shape that may stand where the surface says nothing
 _SAMPLES = 2000  # Points on a shape at which that is looked at
@@ -41,20 +40,6 @@ _MOST_CELLS = 500  # Cells of the grid along a side; wider ones are used beyond
 _THICKNESS = 0.004  # Of the box behind a rectangle [m], away from free space
 _REACH = 0.2  # The rest is divided into what is this near to each plane [m], and all others ...
 _FEWEST = 30  # ... each of so many triangles at least
-
-
-@dataclass(frozen=True)
-class PrimitivesConfig:
-    """Which shapes replace triangles."""
-
-    # largest distance of a replaced vertex from its shape [m]; None: three times the noise of the surface, 4 to 6 mm.
-    # Less leaves holes in planes, which rectangles must go around.
-    tolerance: float | None = None
-    min_area: float = 0.03  # of the faces of a shape [m²]; smaller ones stay triangles
-    max_radius: float = 1.0  # of spheres and cylinders [m]; larger ones are hardly told from planes
-
-    def __post_init__(self) -> None:
-        check_all_positive(self)
 
 
 class Primitives(NamedTuple):
@@ -101,21 +86,15 @@ class _Side(NamedTuple):
         return bool(way @ self.normal < 0 < way @ other.normal)
 
 
-def find_primitives(
-    mesh: trimesh.Trimesh, config: PrimitivesConfig | None = None, seed: int = 0
-) -> Primitives:
+def find_primitives(mesh: trimesh.Trimesh, seed: int = 0) -> Primitives:
     """Find the planes, boxes, spheres and cylinders that replace triangles of a surface within its noise."""
-    config = config or PrimitivesConfig()
     vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
     if not len(faces) or not np.isfinite(vertices).all():
         raise ReconstructionError(
             f"primitives need a mesh with faces and finite vertices, got {len(faces)} faces; repair it first"
         )
-    tolerance = config.tolerance
-    if tolerance is None:
-        tolerance = float(np.clip(_NOISES * estimate_noise(vertices, faces), *_TOLERANCE_LIMITS))
-    rng = np.random.default_rng(seed)
-    shapes = find_shapes(vertices, faces, tolerance, config.min_area, config.max_radius, rng)
+    tolerance = float(np.clip(_NOISES * estimate_noise(vertices, faces), *_TOLERANCE_LIMITS))
+    shapes = find_shapes(vertices, faces, tolerance, np.random.default_rng(seed))
     corners = vertices[faces]
     flat = [shape for shape in shapes if shape.shape.kind == "plane"]
     sides = [_Side(shape.shape.axis[0], corners[shape.faces], shape.area) for shape in flat]

@@ -37,7 +37,9 @@ from reconstruction._src.geometry.rows import (
 )
 
 _KINDS = ("plane", "sphere", "cylinder")
-_MIN_PART = 0.003  # Share of the surface that a shape has at least; smaller ones stay triangles
+_MIN_AREA = 0.03  # Of the faces of a shape [m²], at least ...
+_MIN_PART = 0.003  # ... and their share of the surface; smaller ones stay triangles
+_MAX_RADIUS = 1.0  # Of spheres and cylinders [m]; larger ones are hardly told from planes
 _NORMAL_ANGLE = 0.35
 """Largest angle between a face and its shape [rad]: normals of faces of 3 cm with a noise of 1 mm deviate by 4
 degrees."""
@@ -97,12 +99,8 @@ class _Surface(NamedTuple):
     areas: Float[np.ndarray, " F"]
     pairs: Int[np.ndarray, "P 2"]  # neighbors
     tree: cKDTree  # of the centers
-
-
-class _Limits(NamedTuple):
     tolerance: float  # [m]
-    min_area: float  # [m²]
-    max_radius: float  # [m]
+    min_area: float  # of a shape [m²]
 
 
 def estimate_noise(vertices: Vertices, faces: Faces) -> float:
@@ -119,21 +117,15 @@ def estimate_noise(vertices: Vertices, faces: Faces) -> float:
 
 
 def find_shapes(
-    vertices: Vertices,
-    faces: Faces,
-    tolerance: float,
-    min_area: float,
-    max_radius: float,
-    rng: np.random.Generator,
+    vertices: Vertices, faces: Faces, tolerance: float, rng: np.random.Generator
 ) -> list[FoundShape]:
     """Return the shapes of a surface, in the order in which they were found: large ones first, about."""
-    surface = _prepare(vertices, faces)
-    limits = _Limits(tolerance, max(min_area, _MIN_PART * float(surface.areas.sum())), max_radius)
+    surface = _prepare(vertices, faces, tolerance)
     is_left = surface.areas > 0.0
     found: list[FoundShape] = []
     misses = 0
-    while misses < _MISSES and surface.areas[is_left].sum() >= limits.min_area:
-        best = _search(surface, is_left, limits, rng)
+    while misses < _MISSES and surface.areas[is_left].sum() >= surface.min_area:
+        best = _search(surface, is_left, rng)
         if best is None:
             misses += 1
         else:
@@ -142,7 +134,7 @@ def find_shapes(
     return found
 
 
-def _prepare(vertices: Vertices, faces: Faces) -> _Surface:
+def _prepare(vertices: Vertices, faces: Faces, tolerance: float) -> _Surface:
     pairs = find_hinges(faces, group_sides(faces, len(vertices))).faces
     areas, normals = compute_areas(vertices, faces), compute_normals(vertices, faces)
     ends = np.concatenate([pairs, pairs[:, ::-1]])
@@ -152,11 +144,12 @@ def _prepare(vertices: Vertices, faces: Faces) -> _Surface:
         normals = _normalize(normals * areas[:, None] + around)
     corners = vertices[faces]
     centers = corners.mean(axis=1)
-    return _Surface(corners, centers, normals, areas, pairs, cKDTree(centers))
+    min_area = max(_MIN_AREA, _MIN_PART * float(areas.sum()))
+    return _Surface(corners, centers, normals, areas, pairs, cKDTree(centers), tolerance, min_area)
 
 
 def _search(
-    surface: _Surface, is_left: Bool[np.ndarray, " F"], limits: _Limits, rng: np.random.Generator
+    surface: _Surface, is_left: Bool[np.ndarray, " F"], rng: np.random.Generator
 ) -> FoundShape | None:
     """Return the best shape of a round; None where none is large enough."""
     left = np.flatnonzero(is_left)
@@ -170,13 +163,13 @@ def _search(
         reach = np.minimum(rng.choice(_NEIGHBORS, len(first)), near.shape[1])
         second = near[np.arange(len(first)), (rng.random(len(first)) * reach).astype(np.int64)]
         pairs = np.stack([first, second], axis=1)[is_left[second] & (first != second)]
-        shapes = _make_candidates(kind, surface.centers[pairs], surface.normals[pairs], limits.max_radius)
+        shapes = _make_candidates(kind, surface.centers[pairs], surface.normals[pairs])
         if not len(shapes.point):
             continue
-        scores = _fits(shapes, surface, sample, _WIDE[0] * limits.tolerance).mean(axis=1)
+        scores = _fits(shapes, surface, sample, _WIDE[0] * surface.tolerance).mean(axis=1)
         for place in np.argsort(-scores)[:_FINALISTS]:
             one = Shapes(kind, *(array[[place]] for array in shapes[1:]))
-            refined = _refine(one, surface, is_left, limits)
+            refined = _refine(one, surface, is_left)
             is_curved = kind != "plane" and best is not None and best.shape.kind == "plane"
             gain = _CURVED_GAIN if is_curved else 1.0
             if refined is not None and (best is None or refined.area > gain * best.area):
@@ -185,7 +178,7 @@ def _search(
 
 
 def _make_candidates(
-    kind: str, points: Float[np.ndarray, "C 2 3"], normals: Float[np.ndarray, "C 2 3"], max_radius: float
+    kind: str, points: Float[np.ndarray, "C 2 3"], normals: Float[np.ndarray, "C 2 3"]
 ) -> Shapes:
     """Return the shapes through two oriented points each."""
     (p, q), (n, m) = np.moveaxis(points, 1, 0), np.moveaxis(normals, 1, 0)
@@ -200,7 +193,7 @@ def _make_candidates(
     s, t = (a - cosine * b) / squared_sine, (cosine * a - b) / squared_sine
     center = (p + s[:, None] * n + p + apart + t[:, None] * m) / 2
     radius = (np.abs(s) + np.abs(t)) / 2
-    is_good = (s * t > 0) & (radius < max_radius) & (np.abs(np.abs(s) - np.abs(t)) < _UNEQUAL * radius)
+    is_good = (s * t > 0) & (radius < _MAX_RADIUS) & (np.abs(np.abs(s) - np.abs(t)) < _UNEQUAL * radius)
     is_good &= squared_sine > _MIN_SINE**2
     return Shapes(kind, center[is_good], axis[is_good], radius[is_good], -np.sign(s[is_good]))
 
@@ -213,19 +206,17 @@ def _fits(
     return (np.abs(distance) <= tolerance) & (cosine >= np.cos(_NORMAL_ANGLE))
 
 
-def _refine(
-    shape: Shapes, surface: _Surface, is_left: Bool[np.ndarray, " F"], limits: _Limits
-) -> FoundShape | None:
+def _refine(shape: Shapes, surface: _Surface, is_left: Bool[np.ndarray, " F"]) -> FoundShape | None:
     """Fit a shape to its connected faces, again and again; None where they are too few in the end."""
-    faces = _find_connected(shape, surface, is_left, _WIDE[0] * limits.tolerance)
+    faces = _find_connected(shape, surface, is_left, _WIDE[0] * surface.tolerance)
     for wide in _WIDE:
-        if surface.areas[faces].sum() < limits.min_area / 2:
+        if surface.areas[faces].sum() < surface.min_area / 2:
             return None
         shape = _fit_shape(shape, surface.corners[faces].reshape(-1, 3), np.repeat(surface.areas[faces], 3))
-        faces = _find_connected(shape, surface, is_left, wide * limits.tolerance)
+        faces = _find_connected(shape, surface, is_left, wide * surface.tolerance)
     area = float(surface.areas[faces].sum())
-    is_possible = shape.kind == "plane" or 0 < shape.radius[0] < limits.max_radius
-    return FoundShape(shape, faces, area) if area >= limits.min_area and is_possible else None
+    is_possible = shape.kind == "plane" or 0 < shape.radius[0] < _MAX_RADIUS
+    return FoundShape(shape, faces, area) if area >= surface.min_area and is_possible else None
 
 
 def _fit_shape(shape: Shapes, points: Points, weights: Float[np.ndarray, " N"]) -> Shapes:

@@ -8,7 +8,6 @@ from primitive_scenes import NOISE, make_box, make_column_room, make_noisy, make
 from reconstruction import ReconstructionError
 from reconstruction._src.surfaces.primitives.find import (
     Primitives,
-    PrimitivesConfig,
     find_primitives,
     find_rectangles,
 )
@@ -128,15 +127,6 @@ def test_rectangles_of_a_wall_with_strips_that_are_open():
     np.testing.assert_allclose(axes @ axes.T, np.eye(2), atol=1e-9)
     assert len(find_rectangles(wall, 0.01, 0.3, 6)) == 3
     assert find_rectangles(np.zeros((1, 3, 2)), 0.1, 0.1, 3) == []
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [{"tolerance": 0.0}, {"min_area": -1.0}],
-)
-def test_bad_values_are_refused(fields: dict) -> None:
-    with pytest.raises(ReconstructionError, match=f"PrimitivesConfig.{next(iter(fields))}"):
-        PrimitivesConfig(**fields)
 
 
 def test_an_empty_or_broken_mesh_is_refused() -> None:
