@@ -48,45 +48,31 @@ def compute_chunk(num_samples: int) -> int:
     return wanted
 
 
+class Samples(NamedTuple):
+    """What a mesh is fitted to."""
+
+    points: Float[jax.Array, "N 3"]
+    winners: Int[jax.Array, " N"]  # nearest vertices
+    weights: Float[jax.Array, " N"]
+    order: Int[jax.Array, " N"] | None = None  # in which the faces round winners rise in number
+
+
 def fit_once(
     vertices: Float[jax.Array, "V 3"],
     ring: Int[jax.Array, "V D 2"],
-    samples: Float[jax.Array, "N 3"],
-    winners: Int[jax.Array, " N"],
-    weights: Float[jax.Array, " N"],
+    samples: Samples,
     config: FitConfig,
-    *,
     chunk: int,
-    order: Int[jax.Array, " N"] | None = None,
     is_movable: Bool[jax.Array, " V"] | None = None,
     spread: Callable[[Float[jax.Array, "V 10"]], Float[jax.Array, "V 10"]] | None = None,
 ) -> Float[jax.Array, "V 3"]:
     """Return the vertices after one step towards the samples."""
-    moments = _sum_moments(vertices, ring, samples, winners, weights, config, chunk, order)
-    if spread is not None:
-        moments = spread(moments)
-    step = _solve_moments(moments, config.stiffness, config.step_limit)
-    return vertices + (step if is_movable is None else jnp.where(is_movable[:, None], step, 0.0))
-
-
-def _sum_moments(
-    vertices: Float[jax.Array, "V 3"],
-    ring: Int[jax.Array, "V D 2"],
-    samples: Float[jax.Array, "N 3"],
-    winners: Int[jax.Array, " N"],
-    weights: Float[jax.Array, " N"],
-    config: FitConfig,
-    chunk: int,
-    order: Int[jax.Array, " N"] | None,
-) -> Float[jax.Array, "V 10"]:
-    """Sum the samples' residuals to the surface at the vertices; arguments as of `fit_once`."""
     residual, corner, barycentric, along, weight = _compute_residuals(
-        vertices, ring, samples, winners, weights, config.reach, chunk, order
+        vertices, ring, samples, config.reach, chunk
     )
     capped = jnp.minimum(along, MAX_RESIDUAL)
     typical = jnp.sum(weight * capped) / jnp.maximum(jnp.sum(weight), 1e-9)
     weight = weight / (1 + (along / (OUTLIER_SCALE * typical + 1e-6)) ** 2)
-    num_vertices = vertices.shape[0]
 
     def accumulate(total, batch):
         r, corners, b, w = batch
@@ -98,26 +84,21 @@ def _sum_moments(
         rows = (b * w[:, None])[:, :, None] * row[:, None, :]
         return total.at[corners.ravel()].add(rows.reshape(-1, 10)), None
 
-    start = jnp.zeros((num_vertices, 10), vertices.dtype)
-    return jax.lax.scan(accumulate, start, (residual, corner, barycentric, weight))[0]
+    start = jnp.zeros((len(vertices), 10), vertices.dtype)
+    moments = jax.lax.scan(accumulate, start, (residual, corner, barycentric, weight))[0]
+    if spread is not None:
+        moments = spread(moments)
+    step = _solve_moments(moments, config.stiffness, config.step_limit)
+    return vertices + (step if is_movable is None else jnp.where(is_movable[:, None], step, 0.0))
 
 
 def _compute_residuals(
     vertices: Float[jax.Array, "V 3"],
     ring: Int[jax.Array, "V D 2"],
-    samples: Float[jax.Array, "N 3"],
-    winners: Int[jax.Array, " N"],
-    weights: Float[jax.Array, " N"],
+    samples: Samples,
     reach: float,
     chunk: int,
-    order: Int[jax.Array, " N"] | None,
-) -> tuple[
-    Float[jax.Array, "B chunk 3"],
-    Int[jax.Array, "B chunk 3"],
-    Float[jax.Array, "B chunk 3"],
-    Float[jax.Array, "B chunk"],
-    Float[jax.Array, "B chunk"],
-]:
+) -> tuple[jax.Array, ...]:
     """Return, in chunks, each sample's residual to the surface, and its weight, 0 beyond the reach.
 
     Between them: the corners of the nearest face, their barycentric weights, and the residual along its normal.
@@ -149,11 +130,12 @@ def _compute_residuals(
         is_usable = is_face[winner, 0] & (jnp.sum(residual**2, axis=1) < reach**2)
         return residual, corner, barycentric, along, jnp.where(is_usable, weight, 0.0)
 
-    sorted_by_degree = (samples, winners) if order is None else (samples[order], winners[order])
+    points, winners, weights, order = samples
+    sorted_by_degree = (points, winners) if order is None else (points[order], winners[order])
     found = [a.ravel() for a in jax.lax.map(select, split(sorted_by_degree))]
     if order is not None:
         found = [jnp.zeros_like(a).at[order].set(a, unique_indices=True) for a in found]
-    return jax.lax.map(describe, split((samples, winners, weights, *found)))
+    return jax.lax.map(describe, split((points, winners, weights, *found)))
 
 
 def _solve_moments(
@@ -267,16 +249,13 @@ def fit_surface(
     samples = pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples)
     winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
     weights = pad_rows(weights, num_samples)
+    order = sort_by_degree(ring, winners) if is_movable is None else None
     moved = _fit(
         scaled,
         ring,
         is_movable,
-        samples,
-        winners,
-        sort_by_degree(ring, winners) if is_movable is None else None,
-        weights,
+        Samples(samples, winners, weights, order),  # pyright: ignore[reportArgumentType]
         np.int32(iterations),
-        config=_CONFIG,
         chunk=compute_chunk(num_samples),
     )
     step = np.asarray(moved - scaled)[: len(vertices)]
@@ -311,33 +290,19 @@ def sort_by_degree(ring: Int[np.ndarray, "V D 2"], winners: Int[np.ndarray, " N"
     return np.argsort(degree[winners], kind="stable").astype(np.int32)
 
 
-@partial(jax.jit, static_argnames=("config", "chunk"))
+@partial(jax.jit, static_argnames="chunk")
 def _fit(
     vertices: Float[jax.Array, "V 3"],
     ring: Int[jax.Array, "V D 2"],
     is_movable: Bool[jax.Array, " V"] | None,
-    samples: Float[jax.Array, "N 3"],
-    winners: Int[jax.Array, " N"],
-    order: Int[jax.Array, " N"] | None,
-    weights: Float[jax.Array, " N"],
+    samples: Samples,
     iterations: Int[jax.Array, ""],
     *,
-    config: FitConfig,
     chunk: int,
 ) -> Float[jax.Array, "V 3"]:
     """Repeat the step; all lengths in mean edges. Only whole meshes need an order."""
 
     def iterate(_, positions):
-        return fit_once(
-            positions,
-            ring,
-            samples,
-            winners,
-            weights,
-            config,
-            chunk=chunk,
-            order=order,
-            is_movable=is_movable,
-        )
+        return fit_once(positions, ring, samples, _CONFIG, chunk, is_movable)
 
     return jax.lax.fori_loop(0, iterations, iterate, vertices)

@@ -60,8 +60,6 @@ _MAX_SIGMA_SHARE = 0.2
 _FIT_SAMPLES_PER_UNIT = 200  # Points used by the final fit, for each unit
 _FINAL_FIT = FitConfig(stiffness=0.03, step_limit=0.5, reach=4.0)
 """The final fit; its lengths are in grid steps."""
-_SIGNALS_PER_UNIT = 30  # Signals between two insertions, for each unit (paper mode; lambda_g)
-_FINE_SIGNALS_PER_UNIT = 100  # Signals of the fine-tuning, for each unit (paper mode; lambda_f)
 
 
 @dataclass(frozen=True)
@@ -166,16 +164,7 @@ def _train(
     scaled = ((points - center) / scale).astype(np.float32)[rng.permutation(len(points))]
     is_movable = None if start is None else start.is_movable
     if config.mode == "paper":
-        units = grid_paper.train(
-            scaled,
-            config.wanted_units,
-            config.triangles,
-            config.rule,
-            _SIGNALS_PER_UNIT,
-            _FINE_SIGNALS_PER_UNIT,
-            rng,
-            progress,
-        )
+        units = grid_paper.train(scaled, config.wanted_units, config.triangles, config.rule, rng, progress)
     else:
         begun = None if start is None else start._replace(units=((start.units - center) / scale))
         units = _train_batch(scaled, config, rng, progress, begun)

@@ -17,7 +17,7 @@ from reconstruction._src.networks.som.winners import (
     find_candidates,
     search_tiles,
 )
-from reconstruction._src.networks.surface_fit import FitConfig, compute_chunk, fit_once, make_ring
+from reconstruction._src.networks.surface_fit import FitConfig, Samples, compute_chunk, fit_once, make_ring
 
 TAPS = 3  # Reach of the neighborhood along each grid axis
 MAX_ITERATIONS = 24  # Iterations of a fit at most
@@ -210,17 +210,12 @@ def _fit(
 
     def step(iteration, units):
         winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
-        return fit_once(
-            units,
-            ring,
-            flat,
-            winners,
-            weight,
-            config,
-            chunk=chunk,
-            is_movable=is_movable,
-            spread=lambda moments: _smooth(moments, shape, sigmas[iteration]),
-        )
+        found = Samples(flat, winners, weight)
+
+        def spread(moments):
+            return _smooth(moments, shape, sigmas[iteration])
+
+        return fit_once(units, ring, found, config, chunk, is_movable, spread)
 
     units = jax.lax.fori_loop(0, num_iterations, step, units)
     winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
