@@ -18,6 +18,7 @@ from beartype import beartype
 PACKAGES = ("reconstruction", "symbrion_gym", "evolution")
 ALL_OF, ONE_OF = 200, 50  # The first calls of a function are all checked, of later ones each fiftieth
 ARRAYS = {"Bool", "Float", "Float32", "Float64", "Int", "Integer", "Num", "Shaped", "UInt", "UInt8"}
+ALIASES = {"Corners", "Faces", "Points", "Vertices"}  # of such arrays
 
 
 def check_shapes(function: Any) -> Any:
@@ -100,7 +101,7 @@ def _has_array(node: ast.AST) -> bool:
     ]
     hints = [node.returns, *(each.annotation for each in arguments if each)]
     return any(
-        isinstance(part, ast.Subscript) and isinstance(part.value, ast.Name) and part.value.id in ARRAYS
+        isinstance(part, ast.Name) and part.id in ARRAYS | ALIASES
         for hint in hints
         if hint
         for part in ast.walk(hint)

@@ -11,6 +11,9 @@ from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import find_offset
 from reconstruction._src.scans.point_rows import check_points
 
+_NUM_PROBES = 2048  # As many points of each cloud are enough to compare their sizes
+_MAX_SCALE = 30.0  # New points belong to the same place within this many of its sizes
+
 
 def make_cloud(
     points: ArrayLike | Cloud,
@@ -92,15 +95,52 @@ def join_clouds(first: Cloud, second: Cloud) -> Cloud:
     )
 
 
+def check_origins(origins: ArrayLike, num_points: int) -> Float[np.ndarray, "M 3"]:
+    """Return where each reading was made from; one place `[3]` stands for all."""
+    array = _as_numbers("origins", origins)
+    if array.shape not in ((3,), (num_points, 3)):
+        raise ReconstructionError(
+            f"origins must have the shape [3] (one place for all) or [{num_points}, 3], got {list(array.shape)}"
+        )
+    return np.ascontiguousarray(np.broadcast_to(array, (num_points, 3)))
+
+
+def check_free_rays(free_rays: ArrayLike) -> Float[np.ndarray, "K 2 3"]:
+    """Return rays that met nothing: where each began, and how far it went."""
+    array = _as_numbers("free_rays", free_rays)
+    if array.ndim != 3 or array.shape[1:] != (2, 3):
+        raise ReconstructionError(
+            f"free_rays must have the shape [K, 2, 3] (begin and end of each), got {list(array.shape)}"
+        )
+    return array
+
+
+def check_scale(new_points: Float[np.ndarray, "M 3"], old_points: Float[np.ndarray, "N 3"]) -> None:
+    """Refuse new points that cannot belong to the same place: another unit, or another frame."""
+    old, new = (points[:: max(1, len(points) // _NUM_PROBES)] for points in (old_points, new_points))
+    size, new_size = (float(np.linalg.norm(np.ptp(points, axis=0))) for points in (old, new))
+    distance = float(np.linalg.norm(np.median(new, axis=0) - old.mean(axis=0)))
+    if max(new_size, distance) > _MAX_SCALE * size:
+        raise ReconstructionError(
+            f"the new points extend over {new_size:.3g} m, {distance:.3g} m from a surface that extends over "
+            f"{size:.3g} m; give them in meters and in the frame of the first scan"
+        )
+
+
 def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
     """Return the viewpoints as an array `[K, 3]`."""
-    try:
-        array = np.asarray(viewpoints, dtype=np.float64)
-        is_right = array.shape[-1:] == (3,) and array.ndim <= 2 and array.size and np.isfinite(array).all()
-    except (TypeError, ValueError):
-        array, is_right = np.zeros((0, 3)), False
-    if not is_right:
-        raise ReconstructionError(
-            f"viewpoints must be one or more finite positions x, y, z, got {viewpoints!r}"
-        )
+    array = _as_numbers("viewpoints", viewpoints)
+    if array.shape[-1:] != (3,) or array.ndim > 2 or not array.size:
+        raise ReconstructionError(f"viewpoints must be one or more positions x, y, z, got {viewpoints!r}")
     return array.reshape(-1, 3)
+
+
+def _as_numbers(name: str, values: ArrayLike) -> np.ndarray:
+    """Return finite real numbers as an array."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ReconstructionError(f"{name} must be real numbers: {error}") from error
+    if not np.isfinite(array).all():
+        raise ReconstructionError(f"{name} must be finite, got NaN or infinity; leave those out")
+    return array

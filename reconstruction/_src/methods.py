@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.base.progress import Progress
 
 if TYPE_CHECKING:
     from reconstruction._src.networks.growing_grid import growing_grid
@@ -26,40 +24,13 @@ METHODS = {
 """Method -> the module of its network, which is loaded at first use, and the name of its configuration."""
 
 
-class Network(Protocol):
-    """What the module of a network offers."""
-
-    @property
-    def State(self) -> type[State]:
-        """The network as plain arrays."""
-        ...
-
-    def train(
-        self, points: Float[np.ndarray, "N 3"], config: NetworkConfig, seed: int, progress: Progress
-    ) -> State:
-        """Return a network that has grown over the points."""
-        ...
-
-    def train_again(
-        self,
-        state: State,
-        is_changed: Bool[np.ndarray, " V"],
-        points: Float[np.ndarray, "N 3"],
-        config: NetworkConfig,
-        seed: int,
-        progress: Progress,
-    ) -> State:
-        """Return the network trained on other points; what has not changed stays where it is."""
-        ...
-
-
-def find_method(method: str) -> tuple[Network, type[NetworkConfig]]:
-    """Return the network and the configuration of a method."""
+def find_method(method: str) -> tuple[Any, type[NetworkConfig]]:
+    """Return the module of a method, with `State`, `train` and `train_again`, and its configuration."""
     if method not in METHODS:
         raise ReconstructionError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
     module, config = METHODS[method]
     network = importlib.import_module(module)
-    return cast("Network", network), getattr(network, config)
+    return network, getattr(network, config)
 
 
 def make_config(config_type: type[NetworkConfig], values: dict[str, object]) -> NetworkConfig:

@@ -15,8 +15,14 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.bounded_read import MAX_BYTES
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.input_cloud import join_clouds, make_cloud_of_rays
-from reconstruction._src.knowledge.changes.input_checks import check_free_rays, check_origins, check_scale
+from reconstruction._src.geometry.rows import drop_unused
+from reconstruction._src.input_cloud import (
+    check_free_rays,
+    check_origins,
+    check_scale,
+    join_clouds,
+    make_cloud_of_rays,
+)
 from reconstruction._src.knowledge.slip.drags import join_slip
 from reconstruction._src.methods import find_method
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
@@ -37,11 +43,6 @@ if TYPE_CHECKING:
     from reconstruction._src.surfaces.quality import Quality
 
 logger = logging.getLogger(__name__)
-
-_INSIDE_OUT = (
-    ": the lowest level surface looks down here, and of a room, which is inside out then, that is the floor"
-)
-"""What is added where a room may be inside out."""
 
 
 class Reconstruction:
@@ -242,8 +243,7 @@ class Reconstruction:
         free_rays: Float[np.ndarray, "K 2 3"] | None,
     ) -> tuple[State, Bool[np.ndarray, " N"]]:
         """Return the network that has learned from new readings, and which of the old points are still valid."""
-        from reconstruction._src.knowledge.changes.detection import detect_changes
-        from reconstruction._src.knowledge.changes.validity import compare
+        from reconstruction._src.knowledge.changes import compare, detect_changes
         from reconstruction._src.networks.surface_fit import mean_edge_length
 
         vertices, faces = self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64)
@@ -264,15 +264,8 @@ class Reconstruction:
         if slip is None or origins is not None:
             raise ReconstructionError("there is nothing new to learn from: give new_points, slip, or both")
         readings = None if self.readings is self.cloud else self.readings
-        return Reconstruction(
-            self.method,
-            self.config,
-            self.state,
-            self.cloud,
-            readings=readings,
-            notes=self.notes,
-            slip=felt,
-        )
+        network = (self.method, self.config, self.state, self.cloud)
+        return Reconstruction(*network, readings=readings, notes=self.notes, slip=felt)
 
     @cached_property
     def friction(self) -> FrictionEstimate | None:
@@ -320,8 +313,12 @@ class Reconstruction:
             faces = orient_outwards(vertices, faces)
             note = (
                 "no viewpoint: open surfaces look up, closed ones outwards; give the position of the sensor"
-                + _INSIDE_OUT * looks_down_below(vertices, faces)
             )
+            if looks_down_below(vertices, faces):
+                note += (
+                    ": the lowest level surface looks down here, and of a room, which is inside out then, that is "
+                    "the floor"
+                )
         else:
             (vertices, faces), share = orient_to_viewpoints(
                 vertices, faces, self.points, self.viewpoints, self.seen_from
@@ -339,12 +336,10 @@ class Reconstruction:
 
     def _cut_far_faces(self) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
         """Return vertices and faces of the network without faces far from every reading, and note what was cut."""
-        from reconstruction._src.surfaces.far_faces import SeenPoints, cut_faces, measure_far_faces
+        from reconstruction._src.surfaces.far_faces import cut_far_faces
 
-        vertices, faces = self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64)
-        far = measure_far_faces(vertices, faces, SeenPoints(self.points, self.viewpoints, self.seen_from))
-        used, flat = np.unique(faces, return_inverse=True)
-        cut = cut_faces(vertices[used], flat.reshape(-1, 3), far.is_far)
+        vertices, faces = drop_unused(self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64))
+        cut = cut_far_faces(vertices, faces, self.points, self.viewpoints, self.seen_from)
         if cut.num_faces:
             note = (
                 f"{cut.area:.3g} m² of the surface ({100 * cut.share:.1f} %, {cut.num_faces} faces) were far from "

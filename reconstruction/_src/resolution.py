@@ -8,14 +8,12 @@ from reconstruction._src.networks.som.density import measure_density
 
 _EVEN_SAMPLES = 20.0  # Samples a unit in an even cloud: enough to average its noise
 _UNEVEN_SAMPLES = 6.0
-"""Samples a unit where an uneven cloud is sparse, at the percentile `sparse`. Fewer than 20: the error is that
+"""Samples a unit where an uneven cloud is sparse, at the percentile `_SPARSE`. Fewer than 20: the error is that
 of the sparse parts, whose surface would be lost; half as many lose it between scan lines."""
-_SPARSE = 90.0
-"""So many percent of the samples are denser than where `uneven_samples` holds. fewest, most: limits of the
-number. 8,000 units (15,000 triangles) take 20 s of processor time for 100,000 points."""
-_FEWEST = 500  # Fewest
-_MOST = 8000  # Most
-_SMALLEST_SHARE = 4.0  # Fewest samples a unit at all, for clouds too small for `fewest`
+_SPARSE = 90.0  # So many percent of the samples are denser than where `_UNEVEN_SAMPLES` holds
+_FEWEST, _MOST = 500, 8000
+"""Limits of the number; 8,000 units (15,000 triangles) take 20 s of processor time for 100,000 points."""
+_SMALLEST_SHARE = 4.0  # Fewest samples a unit at all, for clouds too small for `_FEWEST`
 _SAMPLE_SIZE = 100_000  # Larger clouds are judged by about so many of their points
 
 
@@ -24,7 +22,6 @@ def choose_units(points: Float[np.ndarray, "N 3"]) -> int:
 
     Args:
         points: a checked cloud [m].
-        config: samples a unit and limits.
     """
     stride = max(1, len(points) // _SAMPLE_SIZE)
     sample = points[::stride]

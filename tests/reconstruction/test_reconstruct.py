@@ -15,7 +15,6 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.orientation import orient_outwards
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.reconstruction import Reconstruction
-from reconstruction._src.scans.point_rows import check_points
 
 METHODS = ("gsrm", "gg")
 
@@ -153,13 +152,6 @@ def test_any_number_type_and_memory_order_will_do(method):
         assert np.isfinite(reconstruct(rough, method, units=150).mesh.vertices).all()
 
 
-def test_the_points_given_are_left_alone():
-    points = make_ground()
-    before = points.copy()
-    reconstruct(points, "gg", units=150).refine(points[:100])
-    np.testing.assert_array_equal(points, before)
-
-
 def test_progress_runs_from_start_to_end(ground):
     reported = []
     reconstruct(make_ground(), ground.method, units=150, progress=lambda what, share: reported.append(share))
@@ -235,12 +227,6 @@ def test_closed_surfaces_are_turned_outwards():
     turned = orient_outwards(vertices, faces)
     assert trimesh.Trimesh(vertices, turned[:-1], process=False).volume > 0
     np.testing.assert_array_equal(turned[-1], [first + 1, first + 2, first])
-
-
-def test_checked_points_are_plain_float64():
-    points = check_points(make_ground(10).astype(np.float32)[:, ::-1])
-    assert points.dtype == np.float64
-    assert points.flags.c_contiguous
 
 
 @pytest.mark.parametrize(

@@ -25,10 +25,7 @@ MAX_BYTES = 2_000_000_000
 """Most bytes that a file may hold once unpacked, and its points once read. A point takes 24, so this is room for
 83 million points; a scan of 100 million needs `max_bytes=3e9`. Reading takes about three times as much memory."""
 _CHUNK = 1 << 20  # Bytes unpacked at once
-_NPY_HEADERS = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-}
+_NPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _NPZ_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """What NumPy writes; the others unpack a small block into gigabytes at once."""
 _ZIP_END = 22  # Bytes of a zip archive's last record, before its comment
@@ -154,35 +151,27 @@ def read_array(stream: BinaryIO, num_left: int) -> NDArray:
     if min(shape, default=0) < 0 or size > num_left or (0 not in shape and not dtype.itemsize):
         raise UnreadableFileError(f"promises {dtype} of shape {shape}, but {num_left} bytes follow")
     data = np.empty(size, dtype=np.uint8)
-    for at in range(0, size, _CHUNK):
-        _fill(stream, data[at : at + _CHUNK])
-    return data.view(dtype).reshape(shape, order="F" if is_fortran else "C")
-
-
-def _fill(stream: BinaryIO, buffer: NDArray[np.uint8]) -> None:
-    while len(buffer):
-        num_read = stream.readinto(buffer)  # type: ignore[attr-defined]
+    at = 0
+    while at < size:
+        num_read = stream.readinto(data[at : at + _CHUNK])  # type: ignore[attr-defined]
         if not num_read:
             raise UnreadableFileError("ends in the middle of an array")
-        buffer = buffer[num_read:]
+        at += num_read
+    return data.view(dtype).reshape(shape, order="F" if is_fortran else "C")
 
 
 def _find_members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
     """Return the arrays of an archive; refuse one whose directory is incomplete, as arrays would be missing."""
     found = archive.infolist()
-    if _count_members(archive) != min(len(found), 0xFFFF):
-        raise UnreadableFileError(f"counts {_count_members(archive)} arrays, but names {len(found)}")
+    assert archive.fp is not None
+    archive.fp.seek(-_ZIP_END - len(archive.comment), os.SEEK_END)
+    count = int.from_bytes(archive.fp.read(_ZIP_END)[10:12], "little")  # zipfile does not compare it
+    if count != min(len(found), 0xFFFF):
+        raise UnreadableFileError(f"counts {count} arrays, but names {len(found)}")
     odd = [info.filename for info in found if not info.filename.endswith(".npy")]
     if odd:
         raise UnreadableFileError(f"holds {', '.join(odd)}, which is no .npy")
     return {info.filename.removesuffix(".npy"): info for info in found}
-
-
-def _count_members(archive: zipfile.ZipFile) -> int:
-    """Return the number of members in the last record of an archive, which zipfile does not compare."""
-    assert archive.fp is not None
-    archive.fp.seek(-_ZIP_END - len(archive.comment), os.SEEK_END)
-    return int.from_bytes(archive.fp.read(_ZIP_END)[10:12], "little")
 
 
 def _read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray:

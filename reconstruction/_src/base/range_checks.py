@@ -1,48 +1,25 @@
 """Refuse numbers of configurations that are out of range, with the error of the caller's package and one wording."""
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from math import inf, isfinite
+from math import inf
 from numbers import Integral, Real
 from typing import Any
-
-from reconstruction._src.base.errors import ReconstructionError
 
 Limits = Mapping[str, tuple[float, float]]  # Field -> smallest and largest value
 
 
-def check_all_positive(
-    config: object, *, may_be_zero: Iterable[str] = (), any_sign: Iterable[str] = ()
-) -> None:
-    """Refuse a configuration of a network with a number that is not above zero."""
-    for field in dataclasses.fields(config):  # pyright: ignore[reportArgumentType]
-        value, what = getattr(config, field.name), f"{type(config).__name__}.{field.name}"
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            continue
-        if field.name in any_sign:
-            _check(isfinite(value), what, "finite", value, ReconstructionError)
-        elif field.name in may_be_zero:
-            _check(value >= 0, what, "at least 0", value, ReconstructionError)
-        else:
-            _check(value > 0, what, "above 0", value, ReconstructionError)
-
-
 def check_positive(config: object, names: Iterable[str], error: type[Exception]) -> None:
     """Refuse fields that are not finite numbers above 0."""
-    for name in names:
-        number, what = _find_number(config, name, error)
-        _check(0.0 < number < inf, what, "above 0", getattr(config, name), error)
+    _check_signs(config, names, error, "above 0")
 
 
 def check_not_negative(config: object, names: Iterable[str], error: type[Exception]) -> None:
-    """Refuse fields that are not finite numbers of at least 0; see `check_positive`."""
-    for name in names:
-        number, what = _find_number(config, name, error)
-        _check(0.0 <= number < inf, what, "at least 0", getattr(config, name), error)
+    """Refuse fields that are not finite numbers of at least 0."""
+    _check_signs(config, names, error, "at least 0")
 
 
 def check_counts(config: object, names: Iterable[str], error: type[Exception]) -> None:
-    """Refuse fields that are not whole numbers of at least 1; see `check_positive`."""
+    """Refuse fields that are not whole numbers of at least 1."""
     for name in names:
         value = getattr(config, name)
         is_count = isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 1
@@ -99,13 +76,15 @@ def check_count(name: str, values: Sequence[object], high: int, error: type[Exce
         raise error(f"{name} has {len(values)} values; 1 to {high} are possible")
 
 
-def _find_number(config: object, name: str, error: type[Exception]) -> tuple[float, str]:
-    """Return the number of a field, and what to call the field in a message."""
-    value, what = getattr(config, name), f"{type(config).__name__}.{name}"
-    try:
-        return float("none" if isinstance(value, str) else value), what
-    except (TypeError, ValueError, OverflowError):
-        raise error(f"{what} must be a number, got {value!r}") from None
+def _check_signs(config: object, names: Iterable[str], error: type[Exception], allowed: str) -> None:
+    for name in names:
+        value, what = getattr(config, name), f"{type(config).__name__}.{name}"
+        try:
+            number = float("none" if isinstance(value, str) else value)
+        except (TypeError, ValueError, OverflowError):
+            raise error(f"{what} must be a number, got {value!r}") from None
+        is_allowed = number > 0.0 or (number == 0.0 and allowed == "at least 0")
+        _check(is_allowed and number < inf, what, allowed, value, error)
 
 
 def _check_kind(

@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from reconstruction._src.geometry.outlines import compute_hull_outline
-from reconstruction._src.geometry.rows import make_hull
+from reconstruction._src.geometry.rows import compute_areas, make_hull
 
 STEEP = 0.34
 """A plane whose unit normal rises less than this (it is steeper than 70 degrees) is a side or a wall, not ground."""
@@ -31,8 +31,7 @@ _DIGITS = 6  # Corners are rounded to 1 µm, so that one where many planes meet 
 def compute_halfspaces(piece: trimesh.Trimesh) -> Float[np.ndarray, "H 4"]:
     """Return the half-spaces of a convex solid: inside is a x + b y + c z + d <= 0; large faces first."""
     hull = ConvexHull(np.asarray(piece.vertices, dtype=np.float64))
-    corners = hull.points[hull.simplices]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = compute_areas(hull.points, hull.simplices)
     size = float(np.linalg.norm(hull.points - hull.points.mean(axis=0), axis=1).max())
     kept: list[np.ndarray] = []
     for normal in hull.equations[np.argsort(-areas, kind="stable"), :3]:

@@ -3,11 +3,18 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64, Int, Num
+from jaxtyping import Bool, Float64, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
-from reconstruction._src.geometry.rows import compute_lengths, sum_by_owner, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    any_corner,
+    compute_lengths,
+    sum_by_owner,
+    sum_rows,
+)
 
 FOLD_COSINE = 0.5
 """Cosine of the angle that two faces at an edge enclose at least, 60 degrees: the sharpest wedge that a network of
@@ -36,7 +43,7 @@ class Hinges(NamedTuple):
     is_consistent: Bool[np.ndarray, " P"]
 
 
-def group_sides(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Sides:
+def group_sides(faces: Faces, num_vertices: int) -> Sides:
     """Sort the sides of all faces by edge, in an order that depends on nothing else."""
     faces = faces.astype(np.int64, copy=False)  # a key below is a number of vertices squared, times sides
     tail, head = faces.ravel(), faces[:, [1, 2, 0]].ravel()
@@ -49,7 +56,7 @@ def group_sides(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Sides:
 
 
 def find_ends(
-    faces: Int[np.ndarray, "F 3"], slots: Int[np.ndarray, " S"]
+    faces: Faces, slots: Int[np.ndarray, " S"]
 ) -> tuple[Int[np.ndarray, " S"], Int[np.ndarray, " S"]]:
     """Return the vertices where sides, 3 * face + k, begin and end."""
     return faces.ravel()[slots], faces[slots // 3, (slots % 3 + 1) % 3]
@@ -62,7 +69,7 @@ def is_in_sorted(wanted: Int[np.ndarray, " N"], keys: Int[np.ndarray, " K"]) -> 
     return keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
 
 
-def find_hinges(faces: Int[np.ndarray, "F 3"], sides: Sides) -> Hinges:
+def find_hinges(faces: Faces, sides: Sides) -> Hinges:
     """Find the edges with exactly two faces."""
     first = sides.starts[sides.counts == 2]
     slots = np.stack([sides.slots[first], sides.slots[first + 1]], axis=1)
@@ -70,18 +77,14 @@ def find_hinges(faces: Int[np.ndarray, "F 3"], sides: Sides) -> Hinges:
     return Hinges(slots // 3, slots % 3, tails[:, 0] != tails[:, 1])
 
 
-def compute_normals(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float64[np.ndarray, "F 3"]:
+def compute_normals(vertices: Vertices, faces: Faces) -> Float64[np.ndarray, "F 3"]:
     """Return the faces' unit normals, zero for faces without area."""
     import igl
 
     return np.asarray(igl.per_face_normals(vertices, faces, np.zeros(3)))
 
 
-def compute_vertex_normals(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "V 3"]:
+def compute_vertex_normals(vertices: Vertices, faces: Faces) -> Vertices:
     """Return the sum of the unit normals of the faces around every vertex, not normalized."""
     normals = compute_normals(vertices, faces)
     return sum_by_owner(faces.ravel(), np.repeat(normals, 3, axis=0), len(vertices))
@@ -110,8 +113,8 @@ def find_excess(sides: Sides, quality: Num[np.ndarray, " F"]) -> Int[np.ndarray,
 
 
 def find_folds(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
+    vertices: Vertices,
+    faces: Faces,
     hinges: Hinges,
     quality: Num[np.ndarray, " F"],
     fold_cosine: float = FOLD_COSINE,
@@ -130,10 +133,7 @@ def find_folds(
 
 
 def find_minor_fans(
-    faces: Int[np.ndarray, "F 3"],
-    hinges: Hinges,
-    quality: Num[np.ndarray, " F"],
-    is_suspect: Bool[np.ndarray, " V"],
+    faces: Faces, hinges: Hinges, quality: Num[np.ndarray, " F"], is_suspect: Bool[np.ndarray, " V"]
 ) -> Int[np.ndarray, " D"]:
     """Return the faces outside the largest fan of a suspected corner: a pinched vertex has several fans."""
     vertex = faces.ravel()
@@ -181,7 +181,7 @@ def _find_adjacent_corners(num_faces: int, hinges: Hinges) -> Int[np.ndarray, "2
     return adjacent
 
 
-def find_loops(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> list[list[int]]:
+def find_loops(faces: Faces, num_vertices: int) -> list[list[int]]:
     """Return the boundary loops; a face wound along a loop is wound like its neighbors."""
     sides = group_sides(faces, num_vertices)
     tail, head = find_ends(faces, sides.slots[sides.starts[sides.counts == 1]])
@@ -197,9 +197,34 @@ def find_loops(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> list[list[in
     return loops
 
 
-def find_suspects(
-    faces: Int[np.ndarray, "F 3"], sides: Sides, num_vertices: int
-) -> Bool[np.ndarray, " {num_vertices}"]:
+def find_border_vertices(faces: Faces, num_vertices: int) -> Bool[np.ndarray, " {num_vertices}"]:
+    """Return which vertices are at the end of an edge with one face."""
+    sides = group_sides(faces, num_vertices)
+    is_border = np.zeros(num_vertices, dtype=bool)
+    is_border[np.concatenate(find_ends(faces, sides.slots[sides.starts[sides.counts == 1]]))] = True
+    return is_border
+
+
+def widen(faces: Faces, is_marked: Bool[np.ndarray, " V"], rings: int) -> Bool[np.ndarray, " V"]:
+    """Return the marked vertices and `rings` rings of neighbors."""
+    is_marked = is_marked.copy()
+    for _ in range(rings):
+        is_marked[faces[any_corner(is_marked, faces)]] = True
+    return is_marked
+
+
+def spread(
+    faces: Faces, is_marked: Bool[np.ndarray, " V"], is_allowed: Bool[np.ndarray, " V"]
+) -> Bool[np.ndarray, " V"]:
+    """Return the marked vertices and the allowed ones that are joined to them by allowed ones."""
+    while True:
+        wider = is_marked | widen(faces, is_marked, 1) & is_allowed
+        if (wider == is_marked).all():
+            return is_marked
+        is_marked = wider
+
+
+def find_suspects(faces: Faces, sides: Sides, num_vertices: int) -> Bool[np.ndarray, " {num_vertices}"]:
     """Return which vertices have more than two border edges: nearly all that are pinched."""
     slots = sides.slots[sides.starts[sides.counts == 1]]
     ends = np.concatenate(find_ends(faces, slots))
@@ -207,11 +232,8 @@ def find_suspects(
 
 
 def orient_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    hinges: Hinges,
-    quality: Num[np.ndarray, " F"],
-) -> tuple[Int[np.ndarray, "F 3"], Int[np.ndarray, " D"]]:
+    vertices: Vertices, faces: Faces, hinges: Hinges, quality: Num[np.ndarray, " F"]
+) -> tuple[Faces, Int[np.ndarray, " D"]]:
     """Wind all faces alike along the flattest hinges.
 
     libigl's `bfs_orient` takes hinges as they come, and does not say where the winding contradicts itself.
@@ -247,7 +269,7 @@ def orient_faces(
 
 
 def _compute_relative_signs(
-    faces: Int[np.ndarray, "F 3"], hinges: Hinges, parent: Int[np.ndarray, " F+1"]
+    faces: Faces, hinges: Hinges, parent: Int[np.ndarray, " F+1"]
 ) -> Int[np.ndarray, " F+1"]:
     """Return -1 where a face is wound against its parent in the tree, else 1."""
     sign = np.ones(len(faces) + 1, dtype=np.int64)
@@ -265,10 +287,7 @@ def _pick_worse(pairs: Int[np.ndarray, "P 2"], quality: Num[np.ndarray, " F"]) -
 
 
 def make_manifold(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    quality: Num[np.ndarray, " F"],
-    fold_cosine: float = FOLD_COSINE,
+    vertices: Vertices, faces: Faces, quality: Num[np.ndarray, " F"], fold_cosine: float = FOLD_COSINE
 ) -> Int[np.ndarray, "M 3"]:
     """Drop as few faces as needed: at most two an edge, no folds, orientable, one fan a vertex."""
     while len(faces):
@@ -293,7 +312,7 @@ def make_manifold(
     return faces
 
 
-def make_winding(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "F 3"]:
+def make_winding(vertices: Vertices, faces: Faces) -> Faces:
     """Return the faces wound alike as far as that is possible: along the flattest edges, none dropped."""
     if len(faces) == 0:
         return faces

@@ -8,86 +8,36 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.outlines import drop_rim_slivers
-from reconstruction._src.geometry.rows import compute_areas
+from reconstruction._src.geometry.manifold import group_sides, make_winding
+from reconstruction._src.geometry.orientation import compute_components, split_fans
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    compute_area_vectors,
+    compute_areas,
+    compute_lengths,
+    drop_unused,
+    sum_rows,
+)
 
+LARGEST_COORDINATE = 1e6  # [m]; numbers in single precision are 6 cm apart out there
+_EXTENTS = (1e-3, 1e4)
+"""Smallest and largest extent of a place for robots [m]: others are meshes in another unit."""
 _SAME_PLACE = 1e-6
 """Vertices closer than this, relative to the extent, are one: the resolution of single precision."""
 _FLAT = 1e-6  # A face whose height is smaller, relative to its longest edge, is flat
 _SHORTEST = 1e-12  # Keeps the square of an edge above zero [m]
 _OVERSHOOT = 0.02
 """Quadric decimation may leave the bounds of the mesh by this share of the extent; beyond, it has gone wrong."""
-
-
-def merge_vertices(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "F 3"]]:
-    """Join vertices at the same place, to a millionth of the extent; drop those of no face."""
-    used, numbers = np.unique(faces, return_inverse=True)
-    vertices, faces = vertices[used], numbers.reshape(-1, 3)
-    keys = np.round(vertices / (_SAME_PLACE * float(np.ptp(vertices, axis=0).max()))).astype(np.int64)
-    _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return vertices[first], group.ravel()[faces]
-
-
-def drop_flat_faces(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Int[np.ndarray, "G 3"]:
-    """Drop faces without an area, and all but the first of faces with the same corners."""
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    faces = faces[np.linalg.norm(normals, axis=1) > _FLAT * np.maximum(longest, _SHORTEST) ** 2]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    if not len(first):
-        raise ReconstructionError("every face of the mesh is flat (without an area)")
-    return faces[np.sort(first)]
-
-
-def decimate(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], count: int
-) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
-    """Return about `count` faces by quadric decimation; the result may be wrecked: check it."""
-    import fast_simplification
-
-    if count >= len(faces):
-        return vertices, faces
-    arrays: Any = fast_simplification.simplify(
-        np.ascontiguousarray(vertices, dtype=np.float32),  # pyright: ignore[reportArgumentType]
-        np.ascontiguousarray(faces, dtype=np.int32),
-        target_count=count,
-    )
-    return np.asarray(arrays[0], dtype=np.float64), np.asarray(arrays[1], dtype=np.int64)
-
-
-def simplify(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], count: int
-) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
-    """Return about `count` faces by quadric decimation, or by clustering vertices where that wrecks the mesh."""
-    before = merge_vertices(vertices, faces)
-    vertices, faces = decimate(*before, count)
-    is_sound = len(faces) > 0 and np.isfinite(vertices).all()
-    if is_sound:
-        low, high = before[0].min(axis=0), before[0].max(axis=0)
-        reach = _OVERSHOOT * float((high - low).max())
-        is_sound = bool((vertices >= low - reach).all() and (vertices <= high + reach).all())
-    if not is_sound or len(faces) > 2 * count:
-        cell = float(np.ptp(before[0], axis=0).max()) / np.sqrt(count)
-        _, first, group = np.unique(
-            np.floor(before[0] / cell).astype(np.int64), axis=0, return_index=True, return_inverse=True
-        )
-        vertices, faces = before[0][first], group.ravel()[before[1]]
-    return vertices, drop_flat_faces(vertices, faces)
-
-
-LARGEST_COORDINATE = 1e6  # [m]; numbers in single precision are 6 cm apart out there
-_EXTENTS = (1e-3, 1e4)
-"""Smallest and largest extent of a place for robots [m]: others are meshes in another unit."""
+_LONGEST = 5.0
+"""A sliver: its edge at the rim is longer than this many median edges of the surface: a network leaves none ..."""
+_MIN_ANGLE_DEG = 120.0  # ... and its corner off the rim has an angle above this [degrees]: it is low ...
+_MIN_BEND_DEG = 10.0
+"""... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat ground is part of it."""
+_ROUNDS = 20  # Slivers behind slivers are removed, too, in no more rounds than these
 
 _logger = logging.getLogger(__name__)
 
@@ -115,8 +65,7 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
     Dropped are faces with a vertex that is not finite, flat faces, faces given twice and small loose parts, and
     slivers at the rim if asked for; vertices at one place become one, but for those where two fans of faces only touch.
     """
-    vertices = np.asarray(mesh.vertices, dtype=np.float64)
-    faces = np.asarray(mesh.faces, dtype=np.int64)
+    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
     if faces.ndim != 2 or not len(faces):
         raise ReconstructionError("the mesh has no faces; a point cloud wants reconstruct() first")
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -125,8 +74,7 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
         )
     if vertices.shape[1:] != (3,):
         raise ReconstructionError(f"vertices have three coordinates, not {vertices.shape[-1]}")
-    is_finite = np.asarray(np.all(np.isfinite(vertices), axis=1))
-    faces = faces[is_finite[faces].all(axis=1)]
+    faces = faces[np.isfinite(vertices).all(axis=1)[faces].all(axis=1)]
     _refuse_odd_sizes(vertices[faces.ravel()])
     vertices, faces = merge_vertices(vertices, faces)
     faces = drop_flat_faces(vertices, faces)
@@ -137,22 +85,76 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
         _logger.info("dropped %d slivers at the rim", count - len(faces))
     if len(faces) > config.max_faces:
         vertices, faces = simplify(vertices, faces, config.max_faces)
-    faces = _wind(vertices, faces, config.keeps_winding)
-    vertices, faces = _split_pinched(vertices, faces)
+    vertices, faces = _wind(vertices, faces, config.keeps_winding)
     repaired = trimesh.Trimesh(vertices, faces, process=False)
     # A solid has four vertices or more, and simulators want no fewer of a surface.
     return repaired if len(vertices) >= 4 else repaired.subdivide()
 
 
+def merge_vertices(vertices: Vertices, faces: Faces) -> tuple[Float[np.ndarray, "W 3"], Faces]:
+    """Join vertices at the same place, to a millionth of the extent; drop those of no face."""
+    vertices, faces = drop_unused(vertices, faces)
+    keys = np.round(vertices / (_SAME_PLACE * float(np.ptp(vertices, axis=0).max()))).astype(np.int64)
+    _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    return vertices[first], group.ravel()[faces]
+
+
+def drop_flat_faces(vertices: Vertices, faces: Faces) -> Int[np.ndarray, "G 3"]:
+    """Drop faces without an area, and all but the first of faces with the same corners."""
+    longest = _compute_sides(vertices, faces).max(axis=1)
+    double = 2 * compute_areas(vertices, faces)
+    faces = faces[double > _FLAT * np.maximum(longest, _SHORTEST) ** 2]
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    if not len(first):
+        raise ReconstructionError("every face of the mesh is flat (without an area)")
+    return faces[np.sort(first)]
+
+
+def simplify(
+    vertices: Vertices, faces: Faces, count: int
+) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
+    """Return about `count` faces by quadric decimation, or by clustering vertices where that wrecks the mesh."""
+    import fast_simplification
+
+    all_vertices, all_faces = merge_vertices(vertices, faces)
+    if count >= len(all_faces):
+        return all_vertices, drop_flat_faces(all_vertices, all_faces)
+    arrays: Any = fast_simplification.simplify(
+        np.ascontiguousarray(all_vertices, dtype=np.float32),  # pyright: ignore[reportArgumentType]
+        np.ascontiguousarray(all_faces, dtype=np.int32),
+        target_count=count,
+    )
+    vertices, faces = np.asarray(arrays[0], dtype=np.float64), np.asarray(arrays[1], dtype=np.int64)
+    low, high = all_vertices.min(axis=0), all_vertices.max(axis=0)
+    extent = float((high - low).max())
+    reach = _OVERSHOOT * extent
+    is_inside = (vertices >= low - reach) & (vertices <= high + reach)  # False where not finite
+    if not 0 < len(faces) <= 2 * count or not is_inside.all():
+        keys = np.floor(all_vertices / (extent / np.sqrt(count))).astype(np.int64)
+        _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        vertices, faces = all_vertices[first], group.ravel()[all_faces]
+    return vertices, drop_flat_faces(vertices, faces)
+
+
+def drop_rim_slivers(vertices: Vertices, faces: Faces) -> Int[np.ndarray, "G 3"]:
+    """Return the faces without slivers at the rim, which bridge ground that no vertex stands for."""
+    longest = _LONGEST * float(np.median(_compute_sides(vertices, faces))) if len(faces) else 0.0
+    for _ in range(_ROUNDS):
+        is_sliver = _find_slivers(vertices, faces, longest)
+        if not is_sliver.any() or is_sliver.all():
+            break
+        faces = faces[~is_sliver]
+    return faces
+
+
 def _refuse_odd_sizes(points: Float[np.ndarray, "N 3"]) -> None:
     if not len(points):
         raise ReconstructionError("no face of the mesh has three finite vertices")
-    extent = float(np.ptp(points, axis=0).max())
+    extent, farthest = float(np.ptp(points, axis=0).max()), float(np.abs(points).max())
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
         raise ReconstructionError(
             f"the mesh is {extent:g} m large; 1 mm to 10 km is possible: are its units meters?"
         )
-    farthest = float(np.abs(points).max())
     if farthest > LARGEST_COORDINATE:
         raise ReconstructionError(
             f"the mesh lies {farthest:g} m from the origin, {LARGEST_COORDINATE:g} m is the most: "
@@ -160,96 +162,61 @@ def _refuse_odd_sizes(points: Float[np.ndarray, "N 3"]) -> None:
         )
 
 
-def _drop_small_parts(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], min_part: float
-) -> Int[np.ndarray, "G 3"]:
-    links = csr_matrix(
-        (np.ones(3 * len(faces)), (faces.ravel(), np.roll(faces, 1, axis=1).ravel())),
-        shape=[len(vertices)] * 2,
-    )
-    _, part = connected_components(links, directed=False)
-    part = part[faces[:, 0]]
-    corners = vertices[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+def _drop_small_parts(vertices: Vertices, faces: Faces, min_part: float) -> Int[np.ndarray, "G 3"]:
+    part, areas = compute_components(faces, len(vertices)), compute_areas(vertices, faces)
     shares = np.bincount(part, areas) / areas.sum()
-    is_kept = (shares >= min_part) | (shares == shares.max())
-    if not is_kept[part].all():
-        _logger.info("dropped %d faces in small loose parts", int((~is_kept[part]).sum()))
-    return faces[is_kept[part]]
+    is_kept = ((shares >= min_part) | (shares == shares.max()))[part]
+    if not is_kept.all():
+        _logger.info("dropped %d faces in small loose parts", int((~is_kept).sum()))
+    return faces[is_kept]
 
 
-def _split_pinched(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "F 3"]]:
-    """Give every fan of faces a vertex of its own: faces belong together where two share an edge."""
-    corners = np.arange(faces.size).reshape(faces.shape)
-    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    start_corners, end_corners = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
-    keys = np.stack([np.minimum(starts, ends), np.maximum(starts, ends)], axis=1)
-    _, edge, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(edge.ravel(), kind="stable")
-    first = order[(np.cumsum(count) - count)[count == 2]]
-    second = order[(np.cumsum(count) - count)[count == 2] + 1]
-    runs_back = starts[first] == ends[second]
-    partner = np.where(runs_back, end_corners[second], start_corners[second])
-    other = np.where(runs_back, start_corners[second], end_corners[second])
-    rows, columns = np.append(start_corners[first], end_corners[first]), np.append(partner, other)
-    links = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
-    _, fan = connected_components(links, directed=False)
-    _, member = np.unique(fan, return_index=True)
-    return vertices[starts[member]], fan.reshape(faces.shape)
-
-
-def _spread_signs(
-    first: Int[np.ndarray, " L"], second: Int[np.ndarray, " L"], signs: Float[np.ndarray, " L"], count: int
-) -> tuple[Float[np.ndarray, " count"], Int[np.ndarray, " count"]]:
-    """Find signs whose products over links are the given ones along a spanning tree, and the connected parts."""
-    links = csr_matrix((np.ones(len(first)), (first, second)), shape=[count, count])
-    num_parts, part = connected_components(links, directed=False)
-    # One root above all parts makes one tree of them.
-    seeds = np.unique(part, return_index=True)[1]
-    rows, columns = np.append(first, np.full(num_parts, count)), np.append(second, seeds)
-    joined = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=[count + 1, count + 1])
-    reached, before = breadth_first_order(joined, count, directed=False)
-    keys = np.concatenate([first * (count + 1) + second, second * (count + 1) + first])
-    order = np.argsort(keys, kind="stable")
-    wanted = before[reached[1:]].astype(np.int64) * (count + 1) + reached[1:]
-    slot = np.minimum(np.searchsorted(keys[order], wanted), max(len(keys) - 1, 0))
-    is_link = keys[order][slot] == wanted if len(keys) else np.zeros(len(wanted), dtype=bool)
-    step = np.where(is_link, np.concatenate([signs, signs])[order][slot] if len(keys) else 1.0, 1.0)
-    turn = np.ones(count + 1)
-    for face, parent, sign in zip(
-        reached[1:].tolist(), before[reached[1:]].tolist(), step.tolist(), strict=True
-    ):
-        turn[face] = turn[parent] * sign
-    return turn[:count], part
-
-
-def _wind(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], keeps_winding: bool
-) -> Int[np.ndarray, "F 3"]:
+def _wind(vertices: Vertices, faces: Faces, keeps_winding: bool) -> tuple[Float[np.ndarray, "W 3"], Faces]:
     """Turn faces so that neighbors agree, then each part as it was (kept), or outwards (closed), or up (open)."""
-    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    is_up = edges[:, 0] < edges[:, 1]
-    _, edge, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(edge.ravel(), kind="stable")
-    starts = np.cumsum(count) - count
-    pairs = np.stack([order[starts[count == 2]], order[starts[count == 2] + 1]], axis=1)
-    # Two faces agree where their common edge runs both ways.
-    agrees = is_up[pairs[:, 0]] != is_up[pairs[:, 1]]
-    first, second = owner[pairs[:, 0]], owner[pairs[:, 1]]
-    turn, part = _spread_signs(first, second, np.where(agrees, 1.0, -1.0), len(faces))
-    faces = np.where(turn[:, None] < 0, faces[:, ::-1], faces)
+    wound = make_winding(vertices, faces)
+    is_turned = (wound != faces).any(axis=1)
+    vertices, wound = drop_unused(*split_fans(vertices, wound))
+    part = compute_components(wound, len(vertices))
     if keeps_winding:
-        is_turned = np.bincount(part, turn * compute_areas(vertices, faces)) < 0
-        return np.where(is_turned[part][:, None], faces[:, ::-1], faces)
+        is_wrong = np.bincount(part, np.where(is_turned, -1.0, 1.0) * compute_areas(vertices, wound)) < 0
+    else:
+        normals = compute_area_vectors(vertices, wound)
+        middles = vertices[wound].mean(axis=1) - vertices.mean(axis=0)
+        volume, rise = np.bincount(part, sum_rows(normals * middles)), np.bincount(part, normals[:, 2])
+        sides = group_sides(wound, len(vertices))
+        rim = sides.slots[sides.starts[sides.counts == 1]] // 3
+        is_open = np.bincount(part[rim], minlength=len(rise)) > 0
+        is_wrong = np.where(is_open, rise < 0, volume < 0)
+    return vertices, np.where(is_wrong[part][:, None], wound[:, ::-1], wound)
+
+
+def _compute_sides(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:
+    """Return the length of the edge opposite of every corner [m]."""
     corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    volume = np.bincount(
-        part, np.einsum("fi,fi->f", normals, corners.mean(axis=1) - vertices.mean(axis=0)) / 3
-    )
-    rise = np.bincount(part, normals[:, 2])
-    num_open = np.bincount(part[owner[order[starts[count == 1]]]], minlength=len(rise))
-    is_wrong = np.where(num_open == 0, volume < 0, rise < 0)
-    return np.where(is_wrong[part][:, None], faces[:, ::-1], faces)
+    return compute_lengths(np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1))
+
+
+def _find_slivers(vertices: Vertices, faces: Faces, longest: float) -> Bool[np.ndarray, " F"]:
+    lengths = _compute_sides(vertices, faces)
+    rows, corner = np.arange(len(faces)), lengths.argmax(axis=1)
+    long = lengths[rows, corner]
+    others = np.sort(lengths, axis=1)[:, :2]
+    # Law of cosines at the corner opposite of the longest edge.
+    cosine = (others[:, 0] ** 2 + others[:, 1] ** 2 - long**2) / (2.0 * others[:, 0] * others[:, 1])
+    is_low = (long > longest) & (cosine < np.cos(np.radians(_MIN_ANGLE_DEG)))
+    if not is_low.any():
+        return is_low
+    sides = group_sides(faces, len(vertices))
+    is_rim = np.zeros(3 * len(faces), dtype=bool)
+    is_rim[sides.slots[sides.starts[sides.counts == 1]]] = True
+    is_low &= is_rim.reshape(-1, 3)[rows, (corner + 1) % 3]
+    return is_low & (_compute_bends(vertices, faces) > np.radians(_MIN_BEND_DEG))
+
+
+def _compute_bends(vertices: Vertices, faces: Faces) -> Float[np.ndarray, " F"]:
+    """Return the largest angle of each face with a neighbor [rad]."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    pairs: Int[np.ndarray, "P 2"] = np.asarray(mesh.face_adjacency).reshape(-1, 2)
+    bends = np.zeros(len(faces))
+    np.maximum.at(bends, pairs.ravel(), np.repeat(np.asarray(mesh.face_adjacency_angles), 2))
+    return bends

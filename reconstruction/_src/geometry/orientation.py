@@ -9,12 +9,29 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, maxi
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import find_ends, find_hinges, group_sides
-from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Points,
+    Vertices,
+    compute_area_vectors,
+    compute_areas,
+    compute_lengths,
+    sum_by_owner,
+    sum_rows,
+)
 from reconstruction._src.geometry.sampling import count_votes
 
-CUT_COST = 1.0
+_CUT_COST = 1.0
 """Cost of an edge of the rim, in its squared lengths, against the areas of the faces turned: a part is cut off from
 about 30 faces on. Lower, and single faces with noisy votes come loose; higher, and objects stay inside out."""
+_OPEN_SHARE = 0.2
+"""A component whose normals sum to less than this share of its area counts as closed: those of a closed one cancel,
+those of a half sphere sum to half of it."""
+_INSIDE = 0.5
+"""A closed component winds once around what is in it; one with a door or without a ceiling more than this."""
+_LEVEL = 0.9
+"""A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
+_LOWEST = 0.15  # The bottom of a surface is this share of its height
 _LARGEST = 2.0**30  # Flows are 32-bit integers; the sum of the capacities at a face stays below
 
 
@@ -22,35 +39,27 @@ class TurnedMesh(NamedTuple):
     """A mesh of which parts were turned."""
 
     vertices: Float[np.ndarray, "W 3"]  # those of the mesh, and behind them copies along the cuts [m]
-    faces: Int[np.ndarray, "F 3"]  # in their old order
+    faces: Faces  # in their old order
 
 
-def turn_reversed_parts(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    shares: Float[np.ndarray, " F"],
-    cut_cost: float = CUT_COST,
-) -> TurnedMesh:
+def turn_reversed_parts(vertices: Vertices, faces: Faces, shares: Float[np.ndarray, " F"]) -> TurnedMesh:
     """Return a mesh whose parts with votes for their backs are turned and cut off; the rest is as it was."""
     if not (shares < 0).any():
         return TurnedMesh(vertices, faces)
-    is_reversed = _find_reversed(vertices, faces, shares, cut_cost)
+    is_reversed = _find_reversed(vertices, faces, shares)
     if not is_reversed.any():
         return TurnedMesh(vertices, faces)
     return split_fans(vertices, np.where(is_reversed[:, None], faces[:, ::-1], faces))
 
 
 def _find_reversed(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    shares: Float[np.ndarray, " F"],
-    cut_cost: float,
+    vertices: Vertices, faces: Faces, shares: Float[np.ndarray, " F"]
 ) -> Bool[np.ndarray, " F"]:
     """Return the faces on the side of those that look away, of the cheapest cut between these and the others."""
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     left, right = hinges.faces.T
     tails, heads = find_ends(faces, 3 * left + hinges.sides[:, 0])
-    cost = cut_cost * compute_lengths(vertices[heads] - vertices[tails]) ** 2
+    cost = _CUT_COST * compute_lengths(vertices[heads] - vertices[tails]) ** 2
     gain = shares * compute_areas(vertices, faces)
     source, sink = len(faces), len(faces) + 1
     front, back = np.flatnonzero(gain > 0), np.flatnonzero(gain < 0)
@@ -70,7 +79,7 @@ def _find_reversed(
     return is_reversed[: len(faces)]
 
 
-def split_fans(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> TurnedMesh:
+def split_fans(vertices: Vertices, faces: Faces) -> TurnedMesh:
     """Give every fan of faces vertices of its own; where the winding changes across an edge, a fan ends."""
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     linked, sides = hinges.faces[hinges.is_consistent], hinges.sides[hinges.is_consistent]
@@ -87,22 +96,9 @@ def split_fans(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
     return TurnedMesh(np.concatenate([vertices, vertices[owner[~is_first]]]), name[fan].reshape(faces.shape))
 
 
-OPEN_SHARE = 0.2
-"""A component whose normals sum to less than this share of its area counts as closed: those of a closed one cancel,
-those of a half sphere sum to half of it."""
-_INSIDE = 0.5
-"""A closed component winds once around what is in it; one with a door or without a ceiling more than this."""
-_LEVEL = 0.9
-"""A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
-_LOWEST = 0.15  # The bottom of a surface is this share of its height
-
-
 def orient_outwards(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    viewpoint: Num[np.ndarray, "*K 3"] | None = None,
-    open_share: float = OPEN_SHARE,
-) -> Int[np.ndarray, "F 3"]:
+    vertices: Vertices, faces: Faces, viewpoint: Num[np.ndarray, "*K 3"] | None = None
+) -> Faces:
     """Return the faces, each component turned to the outside; within a component they must be wound alike.
 
     Closed components (and nearly closed ones) look outwards, but inwards where the scanner stood in them, as in a room.
@@ -110,37 +106,34 @@ def orient_outwards(
     """
     if len(faces) == 0:
         return faces
-    corners = vertices[faces]
-    cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    middle = corners.mean(axis=1)
+    cross, middle = compute_area_vectors(vertices, faces), vertices[faces].mean(axis=1)
     part = compute_components(faces, len(vertices))
     count = part.max() + 1
     area = np.bincount(part, compute_lengths(cross), count)
-    total = np.stack([np.bincount(part, cross[:, axis], count) for axis in range(3)], axis=1)
-    center = np.stack([np.bincount(part, middle[:, axis], count) for axis in range(3)], axis=1)
-    center /= np.bincount(part, minlength=count)[:, None]
+    total = sum_by_owner(part, cross, count)
+    center = sum_by_owner(part, middle, count) / np.bincount(part)[:, None]
     outwards = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
-    is_sheet = compute_lengths(total) > open_share * area
+    is_sheet = compute_lengths(total) > _OPEN_SHARE * area
     if viewpoint is None:
         forth = np.where(is_sheet, total[:, 2], outwards)
     else:
         seen_from = np.atleast_2d(np.asarray(viewpoint, dtype=np.float64))
-        forth = np.bincount(part, sum_rows((_find_nearest(middle, seen_from) - middle) * cross), count)
+        nearest = seen_from[cKDTree(seen_from).query(middle)[1]]
+        forth = np.bincount(part, sum_rows((nearest - middle) * cross), count)
         for closed in np.flatnonzero(~is_sheet):
             turns = _count_turns(vertices, faces[part == closed], seen_from)
             forth[closed] = -turns if abs(turns) > _INSIDE else outwards[closed]
     return np.where((forth[part] < 0)[:, None], faces[:, ::-1], faces)
 
 
-def looks_down_below(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> bool:
+def looks_down_below(vertices: Vertices, faces: Faces) -> bool:
     """Return whether level faces look down at the bottom, and up above it, as those of a closed room from outside.
 
     At the bottom less than half of the level area looks up, and above it more than half; without level faces in both,
     it is not so.
     """
-    corners = vertices[faces]
-    cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area, height = compute_lengths(cross), corners[:, :, 2].mean(axis=1)
+    cross, height = compute_area_vectors(vertices, faces), vertices[faces][:, :, 2].mean(axis=1)
+    area = compute_lengths(cross)
     is_level = np.abs(cross[:, 2]) > _LEVEL * area
     if not is_level.any():
         return False
@@ -150,18 +143,7 @@ def looks_down_below(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, 
     return below < 0.0 < above
 
 
-def _find_nearest(
-    places: Float[np.ndarray, "N 3"], viewpoints: Float[np.ndarray, "K 3"]
-) -> Float[np.ndarray, "N 3"]:
-    """Return the viewpoint that is nearest to each place."""
-    if len(viewpoints) == 1:
-        return np.broadcast_to(viewpoints[0], places.shape)
-    return viewpoints[cKDTree(viewpoints).query(places)[1]]
-
-
-def _count_turns(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], viewpoints: Float[np.ndarray, "K 3"]
-) -> float:
+def _count_turns(vertices: Vertices, faces: Faces, viewpoints: Float[np.ndarray, "K 3"]) -> float:
     """Return how often a component winds around the viewpoint that is deepest in it.
 
     1 in one that looks outwards, -1 in one that looks inwards, 0 where all viewpoints are outside.
@@ -180,9 +162,9 @@ def _count_turns(
 
 
 def orient_to_viewpoints(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    points: Float[np.ndarray, "N 3"],
+    vertices: Vertices,
+    faces: Faces,
+    points: Points,
     viewpoints: Float[np.ndarray, "K 3"],
     seen_from: Int[np.ndarray, " N"] | None = None,
 ) -> tuple[TurnedMesh, float]:
@@ -208,7 +190,7 @@ def orient_to_viewpoints(
     return mesh, float(area[agrees].sum() / area.sum()) if area.any() else 1.0
 
 
-def compute_components(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, " F"]:
+def compute_components(faces: Faces, num_vertices: int) -> Int[np.ndarray, " F"]:
     """Return the component of every face, numbered from 0 in the order of their first faces.
 
     libigl's `facet_components` returns the same in five times the time.

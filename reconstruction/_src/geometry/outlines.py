@@ -1,10 +1,10 @@
-"""Convex outlines in plan: found, cut, measured."""
+"""Shapes in plan: convex outlines, found, cut and measured; rectangles of cells."""
 
 from __future__ import annotations
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.spatial import ConvexHull, QhullError
 
 _MAX_CORNERS = 24
@@ -84,64 +84,21 @@ def _measure_corners(polygon: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P
     return 0.5 * np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
 
 
-_LONGEST = 5.0
-"""A sliver: its edge at the rim is longer than this many median edges of the surface: a network leaves none ..."""
-_MIN_ANGLE_DEG = 120.0  # ... and its corner off the rim has an angle above this [degrees]: it is low ...
-_MIN_BEND_DEG = 10.0
-"""... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat ground is part
-of the ground."""
-_ROUNDS = 20  # Slivers behind slivers are removed, too, in no more rounds than these
-
-
-def drop_rim_slivers(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Int[np.ndarray, "G 3"]:
-    """Return the faces without slivers at the rim, which bridge ground that no vertex stands for."""
-    lengths = _compute_lengths(vertices, faces)
-    longest = _LONGEST * float(np.median(lengths)) if len(faces) else 0.0
-    for _ in range(_ROUNDS):
-        is_sliver = _find_slivers(vertices, faces, longest)
-        if not is_sliver.any() or is_sliver.all():
-            break
-        faces = faces[~is_sliver]
-    return faces
-
-
-def _compute_lengths(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "F 3"]:
-    """Return the length of the edge opposite of every corner [m]."""
-    corners = vertices[faces]
-    return np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1), axis=2)
-
-
-def _find_slivers(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], longest: float
-) -> Bool[np.ndarray, " F"]:
-    lengths = _compute_lengths(vertices, faces)
-    rows, corner = np.arange(len(faces)), lengths.argmax(axis=1)
-    long = lengths[rows, corner]
-    others = np.sort(lengths, axis=1)[:, :2]
-    # Law of cosines at the corner opposite of the longest edge.
-    cosine = (others[:, 0] ** 2 + others[:, 1] ** 2 - long**2) / (2.0 * others[:, 0] * others[:, 1])
-    is_low = (long > longest) & (cosine < np.cos(np.radians(_MIN_ANGLE_DEG)))
-    if not is_low.any():
-        return is_low
-    ends = np.sort(np.stack([faces[rows, corner - 2], faces[rows, corner - 1]], axis=1), axis=1)
-    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    unique, count = np.unique(edges, axis=0, return_counts=True)
-    rim = {(int(a), int(b)) for a, b in unique[count == 1]}
-    is_rim = np.array([pair in rim for pair in map(tuple, ends.tolist())], dtype=bool)
-    return is_low & is_rim & (_compute_bends(vertices, faces) > np.radians(_MIN_BEND_DEG))
-
-
-def _compute_bends(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, " F"]:
-    """Return the largest angle of each face with a neighbor [rad]."""
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
-    angles = np.asarray(mesh.face_adjacency_angles)
-    bends = np.zeros(len(faces))
-    np.maximum.at(bends, pairs.ravel(), np.repeat(angles, 2))
-    return bends
+def find_largest_rectangle(is_free: Bool[np.ndarray, "R C"]) -> tuple[int, int, int, int]:
+    """Return first row and column and those behind the last of the largest rectangle of free cells; zeros for none."""
+    columns = is_free.shape[1]
+    place = np.arange(columns)
+    height, left, right = np.zeros(columns, np.int64), np.zeros(columns, np.int64), np.full(columns, columns)
+    most, best = 0, (0, 0, 0, 0)
+    for row, free in enumerate(is_free):
+        # The widest rectangle that reaches up from each cell as far as there are free ones.
+        height = np.where(free, height + 1, 0)
+        begins = np.maximum.accumulate(np.where(free, 0, place + 1))
+        ends = np.minimum.accumulate(np.where(free, columns, place)[::-1])[::-1]
+        left = np.where(free, np.maximum(left, begins), 0)
+        right = np.where(free, np.minimum(right, ends), columns)
+        area = height * (right - left)
+        k = int(np.argmax(area))
+        if area[k] > most:
+            most, best = int(area[k]), (row + 1 - int(height[k]), int(left[k]), row + 1, int(right[k]))
+    return best

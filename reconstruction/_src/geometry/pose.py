@@ -27,20 +27,9 @@ def make_rotation(
 ) -> Float[Array, "*batch 3 3"]:
     """Return Rz(yaw) Ry(pitch) Rx(roll) for angles [rad] that broadcast."""
     roll, pitch, yaw = np.broadcast_arrays(*(np.asarray(angle, float) for angle in (roll, pitch, yaw)))
+    cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+    cr, sr = np.cos(roll), np.sin(roll)
     rotation = np.empty((*yaw.shape, 3, 3))
-    _write_rotation(rotation, roll, pitch, yaw)
-    return rotation
-
-
-def _write_rotation(rotation: Array, roll: Array, pitch: Array, yaw: Array) -> None:
-    cy, sy, cp, sp, cr, sr = (
-        np.cos(yaw),
-        np.sin(yaw),
-        np.cos(pitch),
-        np.sin(pitch),
-        np.cos(roll),
-        np.sin(roll),
-    )
     rotation[..., 0, 0] = cy * cp
     rotation[..., 0, 1] = cy * sp * sr - sy * cr
     rotation[..., 0, 2] = cy * sp * cr + sy * sr
@@ -48,6 +37,7 @@ def _write_rotation(rotation: Array, roll: Array, pitch: Array, yaw: Array) -> N
     rotation[..., 1, 1] = sy * sp * sr + cy * cr
     rotation[..., 1, 2] = sy * sp * cr - cy * sr
     rotation[..., 2, 0], rotation[..., 2, 1], rotation[..., 2, 2] = -sp, cp * sr, cp * cr
+    return rotation
 
 
 def rotate_about(axis: Float[Array, " 3"], angles: Float[Array, " S"]) -> Float[Array, "S 3 3"]:
@@ -70,7 +60,7 @@ def make_pose(
     """Return poses at (x, y, 0) [m], turned by `make_rotation`; all arguments broadcast."""
     x, y, yaw, roll, pitch = np.broadcast_arrays(*(np.asarray(v, float) for v in (x, y, yaw, roll, pitch)))
     pose = np.zeros((*x.shape, 4, 4))
-    _write_rotation(pose[..., :3, :3], roll, pitch, yaw)
+    pose[..., :3, :3] = make_rotation(roll, pitch, yaw)
     pose[..., 0, 3], pose[..., 1, 3], pose[..., 3, 3] = x, y, 1.0
     return pose
 

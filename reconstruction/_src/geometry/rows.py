@@ -1,6 +1,6 @@
-"""Arithmetic along rows of two or three: column by column, many times as fast as NumPy's along so short an axis.
+"""Arrays of points, vertices and faces, and arithmetic along their short rows.
 
-All results are bit-identical to NumPy's.
+It goes column by column, many times as fast as NumPy along so short an axis; all results are bit-identical to NumPy's.
 """
 
 from __future__ import annotations
@@ -9,6 +9,10 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int, Num
 from scipy.spatial import ConvexHull, QhullError
+
+Points = Float[np.ndarray, "N 3"]  # Positions [m]
+Vertices = Float[np.ndarray, "V 3"]  # Of a mesh [m]
+Faces = Int[np.ndarray, "F 3"]  # The three vertices of each
 
 
 def any_corner(is_selected: Bool[np.ndarray, " V"], faces: Int[np.ndarray, "F k"]) -> Bool[np.ndarray, " F"]:
@@ -51,17 +55,24 @@ def sum_rows(rows: Num[np.ndarray, "*rows k"]) -> Num[np.ndarray, "*rows"]:
     return _join(np.add, rows)
 
 
-def compute_areas(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, " F"]:
-    """Return the areas of faces [m²]."""
+def compute_area_vectors(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:
+    """Return the normals of faces, twice as long as their areas [m²]."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return compute_lengths(cross_rows(b - a, c - a)) / 2
+    return cross_rows(b - a, c - a)
 
 
-def compute_extent(
-    points: Num[np.ndarray, "N d"],
-) -> tuple[Num[np.ndarray, " d"], Num[np.ndarray, " d"]]:
+def compute_areas(vertices: Vertices, faces: Faces) -> Float[np.ndarray, " F"]:
+    """Return the areas of faces [m²]."""
+    return compute_lengths(compute_area_vectors(vertices, faces)) / 2
+
+
+def drop_unused(vertices: Vertices, faces: Faces) -> tuple[Float[np.ndarray, "W 3"], Faces]:
+    """Return the vertices that have a face, in their order, and the faces between these."""
+    used, numbers = np.unique(faces, return_inverse=True)
+    return vertices[used], numbers.reshape(-1, 3)
+
+
+def compute_extent(points: Num[np.ndarray, "N d"]) -> tuple[Num[np.ndarray, " d"], Num[np.ndarray, " d"]]:
     """Return the lowest and the highest coordinates of at least one point."""
     columns = [points[:, axis] for axis in range(points.shape[1])]
     return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
@@ -83,7 +94,7 @@ def sum_by_owner(
 
 
 def find_inside(
-    points: Float[np.ndarray, "N 3"], low: Num[np.ndarray, " 3"], high: Num[np.ndarray, " 3"]
+    points: Points, low: Num[np.ndarray, " 3"], high: Num[np.ndarray, " 3"]
 ) -> Int[np.ndarray, " M"]:
     """Return the points in the box between two corners: ascending indices."""
     along = points[:, 0]
@@ -94,9 +105,7 @@ def find_inside(
     return inside
 
 
-def find_near_box(
-    points: Float[np.ndarray, "N 3"], others: Float[np.ndarray, "M 3"], margin: float
-) -> Int[np.ndarray, " K"]:
+def find_near_box(points: Points, others: Float[np.ndarray, "M 3"], margin: float) -> Int[np.ndarray, " K"]:
     """Return the points in the box around others, widened by a margin: ascending indices."""
     low, high = compute_extent(others)
     return find_inside(points, low - margin, high + margin)
@@ -109,9 +118,6 @@ def make_hull(points: Num[np.ndarray, "N 3"]) -> trimesh.Trimesh | None:
         hull = ConvexHull(np.asarray(points, dtype=np.float64))
     except (QhullError, ValueError):
         return None
-    corners = hull.points[hull.simplices]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    is_inwards = np.einsum("fi,fi->f", normals, hull.equations[:, :3]) < 0
+    is_inwards = sum_rows(compute_area_vectors(hull.points, hull.simplices) * hull.equations[:, :3]) < 0
     faces = np.where(is_inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
-    used, numbers = np.unique(faces, return_inverse=True)
-    return trimesh.Trimesh(hull.points[used], numbers.reshape(-1, 3), process=False)
+    return trimesh.Trimesh(*drop_unused(hull.points, faces), process=False)

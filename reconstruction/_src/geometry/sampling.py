@@ -5,24 +5,42 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int8
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Points,
+    Vertices,
+    compute_area_vectors,
+    compute_areas,
+    compute_lengths,
+    sum_rows,
+)
 
 if TYPE_CHECKING:
     import trimesh
 
 _PLASTIC_NUMBER = 1.32471795724474602596
 """The real root of x^3 = x + 1; its powers are the steps of the R2 sequence."""
+_MIN_COSINE = 0.05
+"""A ray closer than this to the plane of its face (3 degrees) votes for neither side: noise of the normal decides."""
+_REACH = 0.5
+"""A point votes for its nearest face where it is nearer than this share of the face's longest side."""
+_DEPTH_CELLS = tuple(np.deg2rad([1.0, 2.0, 4.0, 8.0]))
+"""Widths of the directions in which a point hides those behind it [rad], of which the first is taken that holds
+`_MIN_COUNT` points; 1 degree is the spacing of the beams of many scanners, wider cells round off what they hide."""
+_MIN_COUNT = 4
+"""With this many points in a direction in the mean, few directions without one are left to look through."""
+_DEPTH_MARGIN = 0.25
+"""A point is hidden where it is farther than the nearest one in its direction by more than this share: on a floor
+seen at a low angle ranges in one direction differ by as much."""
+_NUM_CANDIDATES = 8  # As many of the nearest viewpoints are tried for each point
 _MARGIN = 1e-3  # Reach of a grid beyond the corners [m]: what ends at them is seen from both sides
 
 
 def sample_area(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    num_samples: int,
-    rng: np.random.Generator | int = 0,
+    vertices: Vertices, faces: Faces, num_samples: int, rng: np.random.Generator | int = 0
 ) -> Float[np.ndarray, "{num_samples} 3"]:
     """Return points spread evenly over the area of the faces: one in each of `num_samples` shares of the area."""
     rng = np.random.default_rng(rng)
@@ -76,40 +94,10 @@ def sample_evenly(
     return low + (high - low) * np.mod(steps, 1.0)
 
 
-MIN_COSINE = 0.05
-"""A ray closer than this to the plane of its face (3 degrees) votes for neither side: noise of the normal decides."""
-MIN_MAJORITY = 0.2
-"""A face has a seen side where its votes differ by more than this share of their sum; else both sides were seen."""
-REACH = 0.5
-"""A point votes for its nearest face where it is nearer than this share of the face's longest side."""
-DEPTH_CELLS = tuple(np.deg2rad([1.0, 2.0, 4.0, 8.0]))
-"""Widths of the directions in which a point hides those behind it [rad], of which the first is taken that holds
-`MIN_COUNT` points; 1 degree is the spacing of the beams of many scanners, wider cells round off what they hide."""
-MIN_COUNT = 4
-"""With this many points in a direction in the mean, few directions without one are left to look through."""
-DEPTH_MARGIN = 0.25
-"""A point is hidden where it is farther than the nearest one in its direction by more than this share: on a floor
-seen at a low angle ranges in one direction differ by as much."""
-NUM_CANDIDATES = 8  # As many of the nearest viewpoints are tried for each point
-
-
-def find_seen_sides(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    points: Float[np.ndarray, "N 3"],
-    viewpoints: Float[np.ndarray, "K 3"],
-    seen_from: Int[np.ndarray, " N"] | None = None,
-) -> Int8[np.ndarray, " F"]:
-    """Return from which side each face was seen: 1 that of its normal, -1 the other, 0 neither or both."""
-    votes, weights = count_votes(vertices, faces, points, viewpoints, seen_from)
-    is_clear = np.abs(votes) > MIN_MAJORITY * weights
-    return np.where(is_clear, np.sign(votes), 0).astype(np.int8)
-
-
 def count_votes(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    points: Float[np.ndarray, "N 3"],
+    vertices: Vertices,
+    faces: Faces,
+    points: Points,
     viewpoints: Float[np.ndarray, "K 3"],
     seen_from: Int[np.ndarray, " N"] | None = None,
 ) -> tuple[Float[np.ndarray, " F"], Float[np.ndarray, " F"]]:
@@ -126,25 +114,22 @@ def count_votes(
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
     found = igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)
     squared, nearest = np.asarray(found[0]), np.asarray(found[1])
-    corners = vertices[faces]
-    normal = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    corners, normal = vertices[faces], compute_area_vectors(vertices, faces)
     normal /= np.maximum(compute_lengths(normal), 1e-300)[:, None]
     longest = compute_lengths(corners - np.roll(corners, 1, axis=1)).max(axis=1)
     direction = viewpoints[seen_from] - points
     direction /= np.maximum(compute_lengths(direction), 1e-300)[:, None]
     vote = sum_rows(direction * normal[nearest])
-    vote[(np.abs(vote) < MIN_COSINE) | (squared > (REACH * longest[nearest]) ** 2)] = 0.0
+    vote[(np.abs(vote) < _MIN_COSINE) | (squared > (_REACH * longest[nearest]) ** 2)] = 0.0
     votes = np.bincount(nearest, vote, minlength=len(faces))
     return votes, np.bincount(nearest, np.abs(vote), minlength=len(faces))
 
 
-def choose_viewpoints(
-    points: Float[np.ndarray, "N 3"], viewpoints: Float[np.ndarray, "K 3"]
-) -> Int[np.ndarray, " N"]:
+def choose_viewpoints(points: Points, viewpoints: Float[np.ndarray, "K 3"]) -> Int[np.ndarray, " N"]:
     """Return for each point the nearest viewpoint from which no other point hides it; else the nearest."""
     if len(viewpoints) == 1:
         return np.zeros(len(points), np.int64)
-    num_candidates = min(NUM_CANDIDATES, len(viewpoints))
+    num_candidates = min(_NUM_CANDIDATES, len(viewpoints))
     _, candidates = cKDTree(viewpoints).query(points, k=num_candidates)
     chosen = candidates[:, 0].astype(np.int64)
     is_open = np.ones(len(points), dtype=bool)
@@ -158,26 +143,22 @@ def choose_viewpoints(
     return chosen
 
 
-def find_visible(
-    points: Float[np.ndarray, "N 3"], viewpoint: Float[np.ndarray, " 3"]
-) -> Bool[np.ndarray, " N"]:
+def find_visible(points: Points, viewpoint: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " N"]:
     """Return which points no other one hides from a viewpoint, by a depth map; at least one point."""
     offset = points - viewpoint
     depth = compute_lengths(offset)
-    direction = _find_directions(offset, depth, DEPTH_CELLS[0])
-    for width in DEPTH_CELLS[1:]:
+    direction = _find_directions(offset, depth, _DEPTH_CELLS[0])
+    for width in _DEPTH_CELLS[1:]:
         counts = np.bincount(direction)
-        if np.median(counts[counts > 0]) >= MIN_COUNT:
+        if np.median(counts[counts > 0]) >= _MIN_COUNT:
             break
         direction = _find_directions(offset, depth, width)
     nearest = np.full(direction.max() + 1, np.inf)
     np.minimum.at(nearest, direction, depth)
-    return depth <= (1 + DEPTH_MARGIN) * nearest[direction]
+    return depth <= (1 + _DEPTH_MARGIN) * nearest[direction]
 
 
-def _find_directions(
-    offset: Float[np.ndarray, "N 3"], depth: Float[np.ndarray, " N"], width: float
-) -> Int[np.ndarray, " N"]:
+def _find_directions(offset: Points, depth: Float[np.ndarray, " N"], width: float) -> Int[np.ndarray, " N"]:
     """Return the number of the cell of azimuth and elevation, `width` wide [rad], in which each point is seen."""
     azimuth = np.arctan2(offset[:, 1], offset[:, 0]) + np.pi
     elevation = np.arcsin(np.clip(offset[:, 2] / np.maximum(depth, 1e-300), -1, 1)) + np.pi / 2

@@ -1,36 +1,34 @@
-"""A known object, prepared for the search: samples with normals, a light mesh for rays, symmetries."""
+"""A known object, prepared for the search: samples with normals, a light mesh, symmetries."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.range_checks import check_positive
+from reconstruction._src.geometry.manifold import compute_normals
 from reconstruction._src.geometry.mesh_repair import simplify
-from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows
+from reconstruction._src.geometry.pose import rotate_about
+from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_areas, compute_lengths
 from reconstruction._src.geometry.sampling import sample_area
 
 if TYPE_CHECKING:
     import trimesh
 
-
-SPACING = 0.008
-"""Readings are averaged in cells of this width for the search [m]. Wider: faster, and small parts of an
-object are lost. The verification uses every beam."""
-MIN_NOISE = 0.002  # Noise that is measured counts as no less [m]: the mesh of an object is not exact either
-MIN_COVERAGE = 0.3
-"""Share of the beams at the object that end on it; lower: objects that are hidden for a larger part are
-found, and more that are none."""
-MIN_BEAMS = 40  # Fewest beams that must end on an object
-PLANE_AREA = 2.5
-"""A plane of this many times the largest side of the object's box is wall, floor or table top. It is not
-searched."""
-NUM_HYPOTHESES = 12  # As many poses of the library are refined in each region
-SAMPLING = 0.07  # Distance of the points of the object in the library's matching, as a share of its diameter
+_MAX_FACES = 400  # Rays are cast at a mesh of no more faces than this
+_NUM_SAMPLES = 1200
+_MIN_SIZE, _MAX_SIZE = 0.02, 5.0  # [m]
+_SAME = 0.01  # Two shapes are the same where no sample is farther off than this share of the diameter
+_SAME_AXIS = np.cos(np.deg2rad(3.0))  # Axes of inertia that deviate less from x, y or z are taken as these
+_FOLDS = (2, 3, 4, 6)
+_ROUND_STEPS = 36  # A body of revolution is taken as one with this many equal positions
+_EQUAL_ROTATIONS = 0.02  # Rotations whose matrices differ by less are one
 
 
 @dataclass(frozen=True)
@@ -43,6 +41,7 @@ class ObjectsConfig:
         min_score: share of the beams that agree, of those that say something; lower: more false finds.
 
     Raises:
+        ReconstructionError: a number is not above 0, or a share above 1.
     """
 
     noise: float | None = None
@@ -58,59 +57,112 @@ class ObjectsConfig:
             )
 
 
-SAME = 0.01
-"""Two shapes are the same where no sample is farther from the other than this share of the diameter."""
-_SAME_AXIS = np.cos(np.deg2rad(3.0))
-"""Axes of inertia that deviate less from x, y or z than 3 degrees are taken as these."""
-_NUM_SAMPLES = 1500
-_FOLDS = (2, 3, 4, 6)
-_ROUND_STEPS = 36  # A body of revolution is taken as one with this many equal positions
+class ObjectModel(NamedTuple):
+    """A known object, in the frame of its mesh."""
+
+    name: str  # what it is called
+    vertices: Vertices  # of a light mesh for rays and distances [m]
+    faces: Faces  # wound with the normals outwards
+    normals: Float[np.ndarray, "F 3"]  # of the faces
+    tree: Any  # igl.AABB of the faces
+    points: Float[np.ndarray, "P 3"]  # samples [m]
+    point_normals: Float[np.ndarray, "P 3"]  # normals at the samples
+    samples: cKDTree  # of the samples
+    center: Float[np.ndarray, " 3"]  # middle of its area [m]
+    radius: float  # distance of the farthest vertex from it [m]
+    spread: Float[np.ndarray, " 3"]  # deviations of the samples along the principal axes, ascending [m]
+    largest_side: float  # area of the largest side of the bounding box [m²]
+    turns: Float[np.ndarray, "T 3 3"]  # rotations about the center to poses it could be mistaken in
+    symmetries: Float[np.ndarray, "S 3 3"]  # rotations about the center under which it looks the same
+
+    def measure_distances(self, points: Points) -> Float[np.ndarray, " N"]:
+        """Return the distances of points from the object [m]."""
+        if not len(points):
+            return np.zeros(0)
+        found = self.tree.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
+        return np.sqrt(np.maximum(found[0], 0.0))
+
+    def place(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " 3"]:
+        """Return where the center is at a pose [m]."""
+        return pose[:3, :3] @ self.center + pose[:3, 3]
+
+
+def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:
+    """Prepare an object."""
+    import igl
+
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        raise ReconstructionError(f"object {name!r}: the mesh has no faces, or vertices that are not finite")
+    sides = np.sort(np.ptp(np.asarray(mesh.bounds, dtype=np.float64), axis=0))
+    if not _MIN_SIZE <= sides[2] <= _MAX_SIZE:
+        raise ReconstructionError(
+            f"object {name!r} is {sides[2]:.4g} m long; objects of {_MIN_SIZE:g} to {_MAX_SIZE:g} m can be found "
+            "(is the mesh in meters?)"
+        )
+    all_faces = np.asarray(mesh.faces, np.int64)
+    vertices, faces = simplify(
+        np.asarray(mesh.vertices, np.float64), all_faces, min(_MAX_FACES, len(all_faces))
+    )
+    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+    tree = igl.AABB()
+    tree.init(vertices, faces)
+    normals = compute_normals(vertices, faces)
+    points = sample_area(vertices, faces, _NUM_SAMPLES, 0)
+    center = np.average(vertices[faces].mean(axis=1), axis=0, weights=compute_areas(vertices, faces))
+    spread, axes = compute_spread(points)
+    nearest = np.asarray(tree.squared_distance(vertices, faces, points)[1])
+    return ObjectModel(
+        name,
+        vertices,
+        faces,
+        normals,
+        tree,
+        points,
+        normals[nearest],
+        cKDTree(points),
+        center,
+        radius=float(compute_lengths(vertices - center).max()),
+        spread=spread,
+        largest_side=float(sides[1] * sides[2]),
+        turns=_list_turns(axes),
+        symmetries=compute_symmetries(mesh, center),
+    )
+
+
+def compute_spread(points: Points) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
+    """Return the deviations along the principal axes, ascending [m], and the axes as columns of a rotation."""
+    offset = points - points.mean(axis=0)
+    variances, axes = np.linalg.eigh(offset.T @ offset / len(points))
+    return np.sqrt(np.maximum(variances, 0.0)), axes * [1.0, 1.0, np.sign(np.linalg.det(axes))]
 
 
 def compute_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "S 3 3"]:
     """Return the rotations about a center that map a mesh onto itself, the identity first.
 
-    Tried are rotations by full fractions of a turn about the axes x, y, z and the axes of inertia;
-    combinations of those found belong to the result as well.
+    Tried are full fractions of a turn about the axes x, y, z and the axes of inertia; combinations of those found
+    belong to the result as well.
     """
-    points = sample_area(np.asarray(mesh.vertices), np.asarray(mesh.faces), _NUM_SAMPLES, 0) - center
-    _, axes = np.linalg.eigh(points.T @ points)
-    limit = SAME * 2 * float(np.linalg.norm(points, axis=1).max())
-    found = [np.eye(3)]
-    own = [axis for axis in axes.T if np.abs(axis).max() < _SAME_AXIS]
-    for axis in [*np.eye(3), *own]:
-        if is_same(mesh, center, points, make_turn(axis, 2.0), limit):  # no symmetry but that of revolution
-            found = [make_turn(axis, 2 * np.pi * k / _ROUND_STEPS) for k in range(_ROUND_STEPS)]
-            flip = make_turn(np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]), np.pi)
-            return _close_group([*found[:2], *([flip] if is_same(mesh, center, points, flip, limit) else [])])
-        for fold in _FOLDS:
-            turn = make_turn(axis, 2 * np.pi / fold)
-            if is_same(mesh, center, points, turn, limit):
-                found.append(turn)
-    return _close_group(found)
-
-
-def is_same(
-    mesh: trimesh.Trimesh,
-    center: Float[np.ndarray, " 3"],
-    points: Float[np.ndarray, "N 3"],
-    rotation: Float[np.ndarray, "3 3"],
-    limit: float,
-) -> bool:
-    """Return whether samples about the center, rotated, all lie on the mesh within a limit [m]."""
     import igl
 
-    vertices = np.ascontiguousarray(np.asarray(mesh.vertices) - center)
-    faces = np.ascontiguousarray(mesh.faces, np.int64)
-    found = igl.point_mesh_squared_distance(np.ascontiguousarray(points @ rotation.T), vertices, faces)
-    return bool(np.sqrt(np.asarray(found[0]).max()) <= limit)
+    vertices, faces = np.ascontiguousarray(mesh.vertices - center), np.ascontiguousarray(mesh.faces, np.int64)
+    points = sample_area(vertices, faces, _NUM_SAMPLES, 0)
+    limit = _SAME * 2 * float(compute_lengths(points).max())
 
+    def select_same(rotations: np.ndarray) -> list[np.ndarray]:
+        turned = np.ascontiguousarray(points @ rotations.swapaxes(1, 2)).reshape(-1, 3)
+        squared = np.asarray(igl.point_mesh_squared_distance(turned, vertices, faces)[0])
+        return list(rotations[squared.reshape(len(rotations), -1).max(axis=1) <= limit**2])
 
-def make_turn(axis: Float[np.ndarray, " 3"], angle: float) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation about an axis by an angle [rad] (Rodrigues)."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(angle * np.asarray(axis) / np.linalg.norm(axis)).as_matrix()
+    found = [np.eye(3)]
+    own = [axis for axis in np.linalg.eigh(points.T @ points)[1].T if np.abs(axis).max() < _SAME_AXIS]
+    for axis in [*np.eye(3), *own]:
+        if select_same(rotate_about(axis, np.array([2.0]))):  # no symmetry but that of revolution
+            across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+            flip = rotate_about(across / np.linalg.norm(across), np.array([np.pi]))
+            step = rotate_about(axis, np.array([2 * np.pi / _ROUND_STEPS]))
+            return _close_group([np.eye(3), *step, *select_same(flip)])
+        found += select_same(rotate_about(axis, 2 * np.pi / np.array(_FOLDS)))
+    return _close_group(found)
 
 
 def compute_angle(
@@ -129,17 +181,14 @@ def choose_equivalent(
 ) -> Float[np.ndarray, "3 3"]:
     """Return of the rotations that look the same the one that turns least."""
     turned = rotation @ symmetries
-    trace = np.trace(turned, axis1=1, axis2=2)
-    return turned[int(np.argmax(np.round(trace, 6)))]
+    return turned[int(np.argmax(np.round(np.trace(turned, axis1=1, axis2=2), 6)))]
 
 
-def list_turns(axes: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "T 3 3"]:
-    """Return rotations by multiples of 45 degrees about each of three axes (columns), and the 24 of a cube in them."""
-    from scipy.spatial.transform import Rotation
-
-    cube = [axes @ turn @ axes.T for turn in Rotation.create_group("O").as_matrix()]
-    single = [make_turn(axis, k * np.pi / 4) for axis in axes.T for k in (1, 3, 5, 7)]
-    return np.array(_unique([*cube, *single]))
+def _list_turns(axes: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "T 3 3"]:
+    """Return rotations by odd multiples of 45 degrees about each of three axes, and the 24 of a cube in them."""
+    cube = axes @ Rotation.create_group("O").as_matrix() @ axes.T
+    single = [turn for axis in axes.T for turn in rotate_about(axis, np.pi / 4 * np.array([1, 3, 5, 7]))]
+    return np.concatenate([cube, single])
 
 
 def _close_group(rotations: list[np.ndarray]) -> Float[np.ndarray, "S 3 3"]:
@@ -155,133 +204,6 @@ def _close_group(rotations: list[np.ndarray]) -> Float[np.ndarray, "S 3 3"]:
 def _unique(rotations: list[np.ndarray]) -> list[np.ndarray]:
     kept: list[np.ndarray] = []
     for each in rotations:
-        if not any(np.abs(each - other).max() < 0.02 for other in kept):
+        if not any(np.abs(each - other).max() < _EQUAL_ROTATIONS for other in kept):
             kept.append(each)
     return kept
-
-
-_NUM_STEPS = 36  # Fields along the longest side of the table: an eighteenth of the radius each, nearly
-REACH = 0.5  # The table reaches as far beyond the object, as a share of its radius
-
-
-class NearestFaces(NamedTuple):
-    """The nearest face of each field of a grid."""
-
-    low: Float[np.ndarray, " 3"]  # corner of the grid [m]
-    step: float  # width of a field [m]
-    face: Int[np.ndarray, "A B C"]  # index of the face that is nearest to the middle of a field
-    distance: Float[np.ndarray, "A B C"]  # from the middle to it [m]
-
-    def find(
-        self, points: Float[np.ndarray, "K M 3"]
-    ) -> tuple[Float[np.ndarray, "K M"], Int[np.ndarray, "K M"]]:
-        """Return about the distance [m] and the nearest face of each point; infinite off the table."""
-        field = np.floor((points - self.low) / self.step).astype(np.int64)
-        inside = ((field >= 0) & (field < self.face.shape)).all(axis=-1)
-        i, j, k = np.where(np.asarray(inside)[..., None], field, 0).reshape(-1, 3).T
-        distance = np.where(inside, self.distance[i, j, k].reshape(inside.shape), np.inf)
-        return distance, self.face[i, j, k].reshape(inside.shape)
-
-
-def make_nearest_faces(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], radius: float
-) -> NearestFaces:
-    """Make the table of an object [m]."""
-    import igl
-
-    low = vertices.min(axis=0) - REACH * radius
-    extent = vertices.max(axis=0) + REACH * radius - low
-    step = float(extent.max()) / _NUM_STEPS
-    shape = tuple(np.ceil(extent / step).astype(int))
-    fields = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    middles = np.ascontiguousarray(low + (fields + 0.5) * step)
-    squared, face = igl.point_mesh_squared_distance(middles, vertices, faces)[:2]
-    return NearestFaces(
-        low, step, np.asarray(face, np.int64).reshape(shape), np.sqrt(np.asarray(squared)).reshape(shape)
-    )
-
-
-MAX_FACES = 400  # Rays are cast at a mesh of no more faces than this
-NUM_SAMPLES = 1200
-_MIN_SIZE, _MAX_SIZE = 0.02, 5.0
-
-
-class ObjectModel(NamedTuple):
-    """A known object."""
-
-    name: str  # what it is called
-    vertices: Float[np.ndarray, "V 3"]  # of the mesh for rays and distances, in the object's frame [m]
-    faces: Int[np.ndarray, "F 3"]  # wound with the normals outwards
-    normals: Float[np.ndarray, "F 3"]  # of the faces
-    points: Float[np.ndarray, "P 3"]  # samples [m]
-    point_normals: Float[np.ndarray, "P 3"]  # normals at the samples
-    center: Float[np.ndarray, " 3"]  # middle of its area [m]
-    radius: float  # distance of the farthest vertex from it [m]
-    nearest: NearestFaces  # the face nearest to each place about the object
-    # standard deviations of the samples along the principal axes, the smallest first [m]
-    spread: Float[np.ndarray, " 3"]
-    largest_side: float  # area of the largest side of the bounding box [m²]
-    # rotations about the center that lead to poses the object could be mistaken in
-    turns: Float[np.ndarray, "T 3 3"]
-    symmetries: Float[np.ndarray, "S 3 3"]  # rotations about the center under which the object looks the same
-
-
-def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:
-    """Prepare an object."""
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-        raise ReconstructionError(f"object {name!r}: the mesh has no faces, or vertices that are not finite")
-    low, high = np.asarray(mesh.bounds, dtype=np.float64)
-    size = float((high - low).max())
-    if not _MIN_SIZE <= size <= _MAX_SIZE:
-        raise ReconstructionError(
-            f"object {name!r} is {size:.4g} m long; objects of {_MIN_SIZE:g} to {_MAX_SIZE:g} m can be found "
-            "(is the mesh in meters?)"
-        )
-    full_vertices, full_faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-    vertices, faces = simplify(full_vertices, full_faces, min(MAX_FACES, len(full_faces)))
-    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
-    normals = _compute_normals(vertices, faces)
-    points = sample_area(vertices, faces, NUM_SAMPLES, 0)
-    center = np.average(vertices[faces].mean(axis=1), axis=0, weights=compute_areas(vertices, faces))
-    sides = np.sort(high - low)
-    radius = float(compute_lengths(vertices - center).max())
-    return ObjectModel(
-        name,
-        vertices,
-        faces,
-        normals,
-        points,
-        normals[_find_nearest_faces(points, vertices, faces)],
-        center,
-        radius,
-        make_nearest_faces(vertices, faces, radius),
-        compute_spread(points),
-        float(sides[1] * sides[2]),
-        list_turns(_compute_axes(points)),
-        compute_symmetries(mesh, center),
-    )
-
-
-def _compute_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    corners = vertices[faces]
-    normals = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return normals / np.maximum(compute_lengths(normals), 1e-300)[:, None]
-
-
-def _find_nearest_faces(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    import igl
-
-    return np.asarray(igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)[1])
-
-
-def compute_spread(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 3"]:
-    """Return the standard deviations of points along their principal axes, the smallest first [m]."""
-    offset = points - points.mean(axis=0)
-    return np.sqrt(np.maximum(np.linalg.eigvalsh(offset.T @ offset / len(points)), 0.0))
-
-
-def _compute_axes(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"]:
-    """Return the principal axes of points, as columns of a rotation."""
-    offset = points - points.mean(axis=0)
-    axes = np.linalg.eigh(offset.T @ offset)[1]
-    return axes * np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])

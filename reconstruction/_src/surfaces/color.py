@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.rows import Points
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.scans.cloud import Cloud
 
@@ -112,9 +114,7 @@ def match_colors(known: Cloud, added: Cloud) -> tuple[Cloud, str]:
     return added.replace(colors=colors), f"{added.num_points} new readings without took those around them"
 
 
-def interpolate_colors(
-    mesh: trimesh.Trimesh, colors: UInt8[np.ndarray, "V 3"], places: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, "N 3"]:
+def interpolate_colors(mesh: trimesh.Trimesh, colors: UInt8[np.ndarray, "V 3"], places: Points) -> Points:
     """Return the colors of the nearest places on a mesh, 0 to 255, between those of its vertices."""
     import igl
 
@@ -129,7 +129,8 @@ def interpolate_colors(
     return np.einsum("nc,nci->ni", weights, colors[faces[face]].astype(np.float64))
 
 
-Paint = Callable[[Float[np.ndarray, "N 3"]], ArrayLike]  # Returns the colors of positions [m], 0 to 1
+Paint = Callable[[Points], ArrayLike]  # Returns the colors of positions [m], 0 to 1
+_NUM_SAMPLES = 20_000  # Places of a surface at which its colors are compared
 _EDGE_STEP = 0.1  # A change of a channel by more than this is an edge, of 1
 
 
@@ -143,21 +144,26 @@ class ColorError(NamedTuple):
 
 
 def measure_color_error(
-    mesh: trimesh.Trimesh,
-    truth: Paint | trimesh.Trimesh,
-    edge: float = 0.05,
-    num_samples: int = 20_000,
-    seed: int = 0,
+    mesh: trimesh.Trimesh, truth: Paint | trimesh.Trimesh, edge: float = 0.05, seed: int = 0
 ) -> ColorError:
     """Compare the vertex colors of a mesh with the true ones at samples of its surface."""
     colors = find_vertex_colors(mesh)
     if colors is None:
         raise ReconstructionError("the mesh has no vertex colors; give reconstruct() colored points")
-    ask = _make_lookup(truth) if isinstance(truth, trimesh.Trimesh) else truth
-    places = sample_area(np.asarray(mesh.vertices), np.asarray(mesh.faces), num_samples, seed)
+    ask = truth
+    if isinstance(truth, trimesh.Trimesh):
+        true_colors = find_vertex_colors(truth)
+        if true_colors is None:
+            raise ReconstructionError(
+                "the true mesh has no vertex colors; give a function of positions instead"
+            )
+        ask = partial(_ask_mesh, truth, true_colors)
+    places = sample_area(np.asarray(mesh.vertices), np.asarray(mesh.faces), _NUM_SAMPLES, seed)
     found = interpolate_colors(mesh, colors, places) / WHITE
     true = np.asarray(ask(places), dtype=np.float64)
-    away = _find_away(ask, places, true, edge)
+    away = np.ones(len(places), dtype=bool)  # from edges: the colors are the same all around
+    for step in edge * np.concatenate([-np.eye(3), np.eye(3)]):
+        away &= (np.abs(np.asarray(ask(places + step), dtype=np.float64) - true) <= _EDGE_STEP).all(axis=1)
     error = np.abs(found - true)
     rest = error[away] if away.any() else np.full((1, 3), np.nan)
     return ColorError(
@@ -168,27 +174,5 @@ def measure_color_error(
     )
 
 
-def _find_away(
-    ask: Paint,
-    places: Float[np.ndarray, "S 3"],
-    true: Float[np.ndarray, "S 3"],
-    edge: float,
-) -> Bool[np.ndarray, " S"]:
-    """Return which places have the same color all around."""
-    away = np.ones(len(places), dtype=bool)
-    for axis in range(3):
-        for sign in (-edge, edge):
-            around = np.asarray(ask(places + sign * np.eye(3)[axis]), dtype=np.float64)
-            away &= (np.abs(around - true) <= _EDGE_STEP).all(axis=1)
-    return away
-
-
-def _make_lookup(mesh: trimesh.Trimesh) -> Paint:
-    colors = find_vertex_colors(mesh)
-    if colors is None:
-        raise ReconstructionError("the true mesh has no vertex colors; give a function of positions instead")
-
-    def ask(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
-        return interpolate_colors(mesh, colors, places) / WHITE
-
-    return ask
+def _ask_mesh(mesh: trimesh.Trimesh, colors: UInt8[np.ndarray, "V 3"], places: Points) -> Points:
+    return interpolate_colors(mesh, colors, places) / WHITE

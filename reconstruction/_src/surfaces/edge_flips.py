@@ -13,13 +13,20 @@ from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.geometry.manifold import (
     Hinges,
-    Sides,
     compute_normals,
     find_hinges,
     group_sides,
     is_in_sorted,
 )
-from reconstruction._src.geometry.rows import all_corners, any_corner, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    all_corners,
+    any_corner,
+    compute_lengths,
+    cross_rows,
+    sum_rows,
+)
 
 _SHORTEST = 1e-300  # Divided by instead of 0: the normal of a face without area is 0
 
@@ -34,7 +41,7 @@ _MIN_CORNER_SINE = 0.1  # New faces have no corner sharper than this, about 6 de
 _MAX_ROUNDS = 8  # The search ends after this many, also where edges still wait for each other
 
 
-def flip_edges(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "F 3"]:
+def flip_edges(vertices: Vertices, faces: Faces) -> Faces:
     """Return the faces with edges flipped where that lowers the curvature.
 
     After the first round only what lies around a flipped edge, or around one that had to wait, is checked again.
@@ -56,9 +63,7 @@ def flip_edges(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 
 
 def _flip_once(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_open: Bool[np.ndarray, " F"],
+    vertices: Vertices, faces: Faces, is_open: Bool[np.ndarray, " F"]
 ) -> tuple[Int[np.ndarray, " C"], Int[np.ndarray, "C 3"], Int[np.ndarray, "R 4"]]:
     """Flip edges of which no two touch the same face, those first that gain most."""
     sides = group_sides(faces, len(vertices))
@@ -73,7 +78,9 @@ def _flip_once(
     gain, corners, outer = _rate_flips(vertices, faces, normals, across, candidates)
     worth = np.flatnonzero(gain)
     touched = np.concatenate([candidates.faces, outer], axis=1)[worth]
-    gain = np.where(_are_joined(corners[worth, 2:], sides, len(vertices)), 0, gain[worth])
+    ends = np.sort(corners[worth, 2:].astype(np.int64), axis=1)
+    is_joined = is_in_sorted(ends[:, 0] * len(vertices) + ends[:, 1], sides.keys)
+    gain = np.where(is_joined, 0, gain[worth])
     selected = worth[_select_apart(gain, touched, len(faces))]
     a, b, c, d = corners[selected].T
     flipped = np.concatenate([np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)])
@@ -81,11 +88,7 @@ def _flip_once(
 
 
 def _rate_flips(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    normals: Float[np.ndarray, "F 3"],
-    across: Int[np.ndarray, "F 3"],
-    candidates: Hinges,
+    vertices: Vertices, faces: Faces, normals: Float[np.ndarray, "F 3"], across: Faces, candidates: Hinges
 ) -> tuple[Float[np.ndarray, " P"], Int[np.ndarray, "P 4"], Int[np.ndarray, "P 4"]]:
     """Return what flipping each edge saves, 0 where it saves nothing; its corners and outer faces."""
     pair, side = candidates.faces, candidates.sides
@@ -95,15 +98,15 @@ def _rate_flips(
     corners = np.stack([a, b, c, d], axis=1)
     outer = np.stack([across[pair[:, k // 2], (side[:, k // 2] + 1 + k % 2) % 3] for k in range(4)], axis=1)
     outer_edges = [(b, c), (c, a), (a, d), (d, b)]
-    left, is_sound = _make_normals(vertices, a, d, c, _MIN_CORNER_SINE)
-    right, is_sound_too = _make_normals(vertices, d, b, c, _MIN_CORNER_SINE)
-    before = _length(vertices, a, b) * _angle(normals[first], normals[second])
-    after = _length(vertices, c, d) * _angle(left, right)
+    left, is_sound = _make_normals(vertices, a, d, c)
+    right, is_sound_too = _make_normals(vertices, d, b, c)
+    before = compute_lengths(vertices[a] - vertices[b]) * _angle(normals[first], normals[second])
+    after = compute_lengths(vertices[c] - vertices[d]) * _angle(left, right)
     inner_before = (normals[first], normals[first], normals[second], normals[second])
     for k, (ends, old, new) in enumerate(
         zip(outer_edges, inner_before, (right, left, left, right), strict=True)
     ):
-        length = np.where(outer[:, k] >= 0, _length(vertices, *ends), 0)
+        length = np.where(outer[:, k] >= 0, compute_lengths(vertices[ends[0]] - vertices[ends[1]]), 0)
         before = before + length * _angle(old, normals[outer[:, k]])
         after = after + length * _angle(new, normals[outer[:, k]])
     gain = np.where(is_sound & is_sound_too & (after < (1 - _MIN_GAIN) * before), before - after, 0)
@@ -111,11 +114,7 @@ def _rate_flips(
 
 
 def _make_normals(
-    vertices: Float[np.ndarray, "V 3"],
-    i: Int[np.ndarray, " P"],
-    j: Int[np.ndarray, " P"],
-    k: Int[np.ndarray, " P"],
-    min_corner_sine: float,
+    vertices: Vertices, i: Int[np.ndarray, " P"], j: Int[np.ndarray, " P"], k: Int[np.ndarray, " P"]
 ) -> tuple[Float[np.ndarray, "P 3"], Bool[np.ndarray, " P"]]:
     """Return the unit normals of the faces (i, j, k) and which of these have no sharp corner."""
     p, q, r = vertices[i], vertices[j], vertices[k]
@@ -124,25 +123,13 @@ def _make_normals(
     squared = np.sort(
         np.stack([sum_rows((q - p) ** 2), sum_rows((r - q) ** 2), sum_rows((p - r) ** 2)]), axis=0
     )
-    is_sound = double > min_corner_sine * np.sqrt(squared[1] * squared[2])
+    is_sound = double > _MIN_CORNER_SINE * np.sqrt(squared[1] * squared[2])
     return cross / np.maximum(double, _SHORTEST)[:, None], is_sound
-
-
-def _length(
-    vertices: Float[np.ndarray, "V 3"], i: Int[np.ndarray, " P"], j: Int[np.ndarray, " P"]
-) -> Float[np.ndarray, " P"]:
-    return compute_lengths(vertices[i] - vertices[j])
 
 
 def _angle(first: Float[np.ndarray, "P 3"], second: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:
     """Return the angles between unit vectors [rad]."""
     return np.arccos(np.clip(sum_rows(first * second), -1, 1))
-
-
-def _are_joined(pairs: Int[np.ndarray, "P 2"], sides: Sides, num_vertices: int) -> Bool[np.ndarray, " P"]:
-    """Return which pairs of vertices have an edge."""
-    wanted = pairs.min(axis=1).astype(np.int64) * num_vertices + pairs.max(axis=1)
-    return is_in_sorted(wanted, sides.keys)
 
 
 def _select_apart(

@@ -15,7 +15,14 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import compute_normals
 from reconstruction._src.geometry.orientation import split_fans
-from reconstruction._src.geometry.rows import compute_areas, compute_lengths
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Points,
+    Vertices,
+    compute_areas,
+    compute_lengths,
+    drop_unused,
+)
 from reconstruction._src.geometry.sampling import choose_viewpoints
 
 _NEIGHBORS = 16
@@ -35,59 +42,37 @@ _CORNERS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3
 """Samples of a face: its middle, and half the way from there to each corner."""
 
 
-class SeenPoints(NamedTuple):
-    """Readings of a surface."""
-
-    points: Float[np.ndarray, "N 3"]  # [m]
-    viewpoints: Float[np.ndarray, "K 3"] | None = None  # positions of the sensor [m]; None: unknown
-    seen_from: Int[np.ndarray, " N"] | None = None  # viewpoint of every point; None: unknown
-
-
-class FarFaces(NamedTuple):
-    """Which faces lie far from every reading."""
-
-    is_far: Bool[np.ndarray, " F"]  # of every face
-    spacing: float  # least spacing of the readings that this was found with [m]; 0 where there were too few
-
-
 class CutMesh(NamedTuple):
     """A mesh without the faces that were far from every reading."""
 
-    vertices: Float[np.ndarray, "V 3"]  # those with a face [m]
-    faces: Int[np.ndarray, "F 3"]  # in their old order
-    num_faces: int = 0  # so many were cut off ..
+    vertices: Vertices  # those with a face [m]
+    faces: Faces  # in their old order
+    num_faces: int = 0  # so many were cut off ...
     area: float = 0.0  # ... with this area [m²] ...
-    share: float = 0.0  # ... and this share of all area.
+    share: float = 0.0  # ... and this share of all area
 
 
 def cut_far_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    points: Float[np.ndarray, "N 3"],
+    vertices: Vertices,
+    faces: Faces,
+    points: Points,
     viewpoints: Float[np.ndarray, "K 3"] | None = None,
     seen_from: Int[np.ndarray, " N"] | None = None,
 ) -> CutMesh:
-    """Return a mesh without its far faces (`find_far_faces`); as it is where there are none, or nothing else."""
-    return cut_faces(vertices, faces, find_far_faces(vertices, faces, points, viewpoints, seen_from))
-
-
-def cut_faces(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_far: Bool[np.ndarray, " F"]
-) -> CutMesh:
     """Return a mesh without its far faces; as it is where there are none, or nothing else."""
+    is_far = find_far_faces(vertices, faces, points, viewpoints, seen_from)
     if not is_far.any() or is_far.all():
         return CutMesh(vertices, faces)
     areas = compute_areas(vertices, faces)
-    used, flat = np.unique(faces[~is_far], return_inverse=True)
-    rest = split_fans(vertices[used], flat.reshape(-1, 3))
     area = float(areas[is_far].sum())
+    rest = split_fans(*drop_unused(vertices, faces[~is_far]))
     return CutMesh(rest.vertices, rest.faces, int(is_far.sum()), area, area / float(areas.sum()))
 
 
 def find_far_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    points: Float[np.ndarray, "N 3"],
+    vertices: Vertices,
+    faces: Faces,
+    points: Points,
     viewpoints: Float[np.ndarray, "K 3"] | None = None,
     seen_from: Int[np.ndarray, " N"] | None = None,
 ) -> Bool[np.ndarray, " F"]:
@@ -95,83 +80,37 @@ def find_far_faces(
 
     Readings count where they lie on the surface, so that coarse faces beside dense readings are near them.
     """
-    return measure_far_faces(vertices, faces, SeenPoints(points, viewpoints, seen_from)).is_far
+    import igl
 
-
-def measure_far_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    cloud: SeenPoints,
-) -> FarFaces:
-    """Return which faces lie far from every reading, with the spacing that tells."""
-    if len(faces) == 0 or len(cloud.points) <= _NEIGHBORS:
-        return FarFaces(np.zeros(len(faces), dtype=bool), 0.0)
-    tree = cKDTree(cloud.points)
-    least = _compute_least_spacing(find_samples(vertices, faces)[:, 0], tree)
-    is_far, _ = find_far_among(vertices, faces, np.arange(len(faces)), tree, least, cloud)
-    return FarFaces(is_far, least)
-
-
-def find_far_among(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    tested: Int[np.ndarray, " T"],
-    tree: cKDTree,
-    least: float,
-    cloud: SeenPoints,
-) -> tuple[Bool[np.ndarray, " T"], float]:
-    """Return which of some faces lie far from every reading, and how far off the readings are that tell [m]."""
-    is_far = np.zeros(len(tested), dtype=bool)
-    samples, is_open = find_open(vertices, faces[tested], tree, least)
+    is_far = np.zeros(len(faces), dtype=bool)
+    if len(faces) == 0 or len(points) <= _NEIGHBORS:
+        return is_far
+    tree = cKDTree(points)
+    samples = np.einsum("sc,fci->fsi", _CORNERS, vertices[faces])
+    probes = samples[:: max(1, len(samples) // _PROBES), 0]
+    least = float(np.median(_measure_spacing(tree, tree.query(probes)[1], _NEIGHBORS)))
+    limit = _SEEN_REACH * least
+    is_open = tree.query(samples, distance_upper_bound=2 * limit)[0] > limit
     if not is_open.any():
-        return is_far, 0.0
-    owner, places = _project(tree.data, vertices, faces)
+        return is_far
+    arrays = (np.ascontiguousarray(array) for array in (points, vertices, faces.astype(np.int64)))
+    found = igl.point_mesh_squared_distance(*arrays)
+    owner, places = np.asarray(found[1], dtype=np.int64), np.asarray(found[2])
     rows, columns = np.nonzero(is_open)
     distance, nearest = cKDTree(places).query(samples[rows, columns])
     spacing = np.maximum(_measure_spacing(tree, nearest, _NEIGHBORS), least)
-    needed = float((distance + spacing).max())
     ratio = distance / np.maximum(spacing, np.finfo(float).tiny)
     rows, columns, ratio, spacing = (part[ratio > _SEEN_REACH] for part in (rows, columns, ratio, spacing))
     if not len(rows):
-        return is_far, needed
-    tried = samples[rows, columns]
-    is_open = np.isin(np.arange(len(faces)), tested[rows])
-    limit = np.full(len(rows), _REACH)
-    is_known = ~is_open[owner]
+        return is_far
+    tried, reach = samples[rows, columns], np.full(len(rows), _REACH)
+    is_known = ~np.isin(owner, rows)
     if is_known.sum() >= _AROUND:
         normals = compute_normals(vertices, faces)[owner[is_known]]
-        limit[_goes_on(tried, places[is_known], normals)] = _PLANE_REACH
-    if cloud.viewpoints is not None:
-        seen = _is_seen_through(tried, spacing, cloud.points, cloud.viewpoints, cloud.seen_from)
-        limit[seen] = _SEEN_REACH
-    counts = np.bincount(rows[ratio > limit], minlength=len(tested))
-    return counts >= _SHARE * len(_CORNERS), needed
-
-
-def find_samples(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "F S 3"]:
-    """Return the places of faces that are tested [m]."""
-    return np.einsum("sc,fci->fsi", _CORNERS, vertices[faces])
-
-
-def find_open(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    tree: cKDTree,
-    least: float,
-) -> tuple[Float[np.ndarray, "F S 3"], Bool[np.ndarray, "F S"]]:
-    """Return samples of faces [m], and which of them may be far: no reading is as near as the least spacing tells."""
-    samples = find_samples(vertices, faces)
-    limit = _SEEN_REACH * least
-    distance, _ = tree.query(samples.reshape(-1, 3), distance_upper_bound=2 * limit)
-    return samples, (distance > limit).reshape(len(faces), -1)
-
-
-def _compute_least_spacing(middles: Float[np.ndarray, "F 3"], tree: cKDTree) -> float:
-    """Return the median spacing of the readings at faces all over the surface [m]."""
-    chosen = middles[:: max(1, len(middles) // _PROBES)]
-    return float(np.median(_measure_spacing(tree, tree.query(chosen)[1], _NEIGHBORS)))
+        reach[_goes_on(tried, places[is_known], normals)] = _PLANE_REACH
+    if viewpoints is not None:
+        reach[_is_seen_through(tried, spacing, points, viewpoints, seen_from)] = _SEEN_REACH
+    return np.bincount(rows[ratio > reach], minlength=len(faces)) >= _SHARE * len(_CORNERS)
 
 
 def _measure_spacing(tree: cKDTree, rows: Int[np.ndarray, " M"], neighbors: int) -> Float[np.ndarray, " M"]:
@@ -180,26 +119,7 @@ def _measure_spacing(tree: cKDTree, rows: Int[np.ndarray, " M"], neighbors: int)
     return tree.query(tree.data[unique], k=[neighbors + 1])[0][:, 0][place.ravel()]
 
 
-def _project(
-    points: Float[np.ndarray, "N 3"], vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:
-    """Return the nearest face of every point, and the nearest place on it [m]."""
-    import igl
-
-    arrays = (
-        np.ascontiguousarray(points),
-        np.ascontiguousarray(vertices),
-        np.ascontiguousarray(faces, np.int64),
-    )
-    _, face, place = igl.point_mesh_squared_distance(*arrays)
-    return np.asarray(face, dtype=np.int64), np.asarray(place)
-
-
-def _goes_on(
-    samples: Float[np.ndarray, "S 3"],
-    places: Float[np.ndarray, "N 3"],
-    normals: Float[np.ndarray, "N 3"],
-) -> Bool[np.ndarray, " S"]:
+def _goes_on(samples: Float[np.ndarray, "S 3"], places: Points, normals: Points) -> Bool[np.ndarray, " S"]:
     """Return which samples lie in the planes of the surface at most of the places around."""
     distance, nearest = cKDTree(places).query(samples, k=list(range(1, _AROUND + 1)))
     offset = samples[:, None] - places[nearest]
@@ -210,7 +130,7 @@ def _goes_on(
 def _is_seen_through(
     samples: Float[np.ndarray, "S 3"],
     spacing: Float[np.ndarray, " S"],
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     viewpoints: Float[np.ndarray, "K 3"],
     seen_from: Int[np.ndarray, " N"] | None,
 ) -> Bool[np.ndarray, " S"]:

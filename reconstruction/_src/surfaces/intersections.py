@@ -13,33 +13,35 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import Hinges, compute_normals, find_hinges, group_sides
-from reconstruction._src.geometry.rows import all_rows, any_rows, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    all_rows,
+    any_rows,
+    compute_lengths,
+    cross_rows,
+    sum_rows,
+)
 
 FOLD_ANGLE = np.deg2rad(120)
 """Two faces at an edge are a fold where their normals differ by more: a level sheet has 0 degrees, a right-angled
 crease 90, a face laid back onto its neighbor 180."""
-SIZES_APART = 4.0
+_SIZES_APART = 4.0
 """Faces are compared by size: the largest of a group is at most this many times as large as the smallest.
 It changes the time alone."""
-SHRINKAGE = 1e-6
+_SHRINKAGE = 1e-6
 """A corner that two triangles share is moved into the first by this share of the way to its center before they are
 tested: so they intersect only where they meet elsewhere, too. Far above the rounding of floats, far below any gap."""
-MOST_BOXES = 1 << 18
-"""Up to this many pairs of boxes are compared one by one; for more, trees are faster. It changes the time alone."""
 _SHORTEST = 1e-300  # Taken for 0 where a logarithm is
 
 
-def find_folded_edges(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], angle: float = FOLD_ANGLE
-) -> Int[np.ndarray, "P 2"]:
+def find_folded_edges(vertices: Vertices, faces: Faces, angle: float = FOLD_ANGLE) -> Int[np.ndarray, "P 2"]:
     """Return the pairs of faces at the edges where the surface doubles back."""
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
-    return hinges.faces[measure_bends(vertices, faces, hinges) < np.cos(angle)]
+    return hinges.faces[measure_bends(vertices, faces, hinges) < np.cos(FOLD_ANGLE)]
 
 
-def measure_bends(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], hinges: Hinges
-) -> Float[np.ndarray, " P"]:
+def measure_bends(vertices: Vertices, faces: Faces, hinges: Hinges) -> Float[np.ndarray, " P"]:
     """Return the cosine between the normals of the two faces at every hinge; 1 where the surface is flat."""
     normals = compute_normals(vertices, faces)
     cosine = sum_rows(normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]])
@@ -47,9 +49,7 @@ def measure_bends(
 
 
 def find_intersections(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_selected: Bool[np.ndarray, " F"] | None = None,
+    vertices: Vertices, faces: Faces, is_selected: Bool[np.ndarray, " F"] | None = None
 ) -> Int[np.ndarray, "P 2"]:
     """Return the pairs of faces that intersect, in ascending order; none that share an edge.
 
@@ -64,7 +64,7 @@ def find_intersections(
     pairs, is_shared = pairs[is_apart], is_shared[is_apart]
     first, second = corners[pairs[:, 0]], corners[pairs[:, 1]]
     inward = np.where(is_shared[..., None], first.mean(axis=1, keepdims=True) - first, 0.0)
-    first = first + SHRINKAGE * inward
+    first = first + _SHRINKAGE * inward
     is_open = ~_is_separated(first, second)
     is_open[is_open] = ~_is_separated(second[is_open], first[is_open])
     import igl
@@ -84,13 +84,10 @@ def _find_near(
     """
     a, b, c = corners.swapaxes(0, 1)
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    selected = np.flatnonzero(is_selected)
-    if len(selected) * len(corners) <= MOST_BOXES:
-        return _find_overlaps(low, high, compute_lengths(cross_rows(b - a, c - a)) > 0, selected)
     centers = (low + high) / 2
     radius = compute_lengths(high - low) / 2
     has_area = compute_lengths(cross_rows(b - a, c - a)) > 0
-    size = np.where(has_area, np.ceil(np.log(np.maximum(radius, _SHORTEST)) / np.log(SIZES_APART)), np.inf)
+    size = np.where(has_area, np.ceil(np.log(np.maximum(radius, _SHORTEST)) / np.log(_SIZES_APART)), np.inf)
     found = [np.empty((0, 2), dtype=np.int64)]
     for largest in np.unique(size[has_area]):
         is_large, is_smaller = size == largest, size < largest
@@ -111,26 +108,6 @@ def _find_near(
             is_met = all_rows((low[one] <= high[other]) & (low[other] <= high[one]))
             found.append(np.stack([one[is_met], other[is_met]], axis=1))
     return np.concatenate(found)
-
-
-def _find_overlaps(
-    low: Float[np.ndarray, "F 3"],
-    high: Float[np.ndarray, "F 3"],
-    has_area: Bool[np.ndarray, " F"],
-    selected: Int[np.ndarray, " S"],
-) -> Int[np.ndarray, "P 2"]:
-    """Return the pairs of boxes, one of them selected, that overlap, where both have an area within."""
-    selected = selected[has_area[selected]]
-    is_met = np.broadcast_to(has_area, (len(selected), len(low))).copy()
-    for axis in range(3):
-        is_met &= low[selected, axis, None] <= high[:, axis]
-        is_met &= high[selected, axis, None] >= low[:, axis]
-    rows, other = np.nonzero(is_met)
-    one = selected[rows]
-    is_selected = np.zeros(len(low), dtype=bool)
-    is_selected[selected] = True
-    is_new = (one < other) | ~is_selected[other]
-    return np.stack([one[is_new], other[is_new]], axis=1)
 
 
 def _is_separated(

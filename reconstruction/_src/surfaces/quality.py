@@ -9,7 +9,15 @@ from jaxtyping import Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from reconstruction._src.geometry.rows import compute_areas, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.manifold import group_sides
+from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
+    compute_areas,
+    compute_lengths,
+    cross_rows,
+    sum_rows,
+)
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
 
@@ -57,7 +65,6 @@ class Quality:
         area: surface area [m²].
         self_intersections: pairs of faces, without a common edge, that intersect.
         folds: edges at which the surface doubles back: the normals of their faces differ by more than 120 degrees.
-        folded_faces: share of faces in a fold or an intersection. Deprecated: use the two above.
         min_angle: mean of the faces' smallest angles [rad]; 60 degrees for equilateral triangles.
         slivers: share of faces with an angle below 10 degrees.
         cloud_to_mesh: from the data to the nearest point of the faces.
@@ -70,7 +77,6 @@ class Quality:
     area: float
     self_intersections: int
     folds: int
-    folded_faces: float
     min_angle: float
     slivers: float
     cloud_to_mesh: Distances | None = None
@@ -121,7 +127,6 @@ def measure_quality(
         area=float(areas.sum()),
         self_intersections=len(intersections),
         folds=len(folds),
-        folded_faces=len(np.union1d(intersections, folds)) / max(len(faces), 1),
         min_angle=float(angles.min(axis=1).mean()) if len(faces) else 0.0,
         slivers=float((angles.min(axis=1) < SLIVER_ANGLE).mean()) if len(faces) else 0.0,
         **distances,  # pyright: ignore[reportArgumentType]
@@ -129,7 +134,7 @@ def measure_quality(
 
 
 def compute_distances(
-    points: Num[np.ndarray, "N 3"], vertices: Num[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+    points: Num[np.ndarray, "N 3"], vertices: Num[np.ndarray, "V 3"], faces: Faces
 ) -> Float[np.ndarray, " N"]:
     """Return the exact distance of every point to the nearest point of the faces, by libigl."""
     import igl
@@ -142,16 +147,14 @@ def compute_distances(
     return np.sqrt(np.maximum(squared, 0))
 
 
-def count_topology(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Topology:
+def count_topology(faces: Faces, num_vertices: int) -> Topology:
     """Count what makes, or spoils, a two-manifold."""
     faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
-    directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    keys = np.sort(directed, axis=1) @ np.array([num_vertices, 1])
-    edge_keys, faces_at = np.unique(keys, return_counts=True)
-    edges = np.stack(np.divmod(edge_keys, max(num_vertices, 1)), axis=1)
-    _, uses = np.unique(directed @ np.array([num_vertices, 1]), return_counts=True)
-    used = np.unique(faces)
-    boundary = edges[faces_at == 1]
+    sides = group_sides(faces, num_vertices)
+    edges = np.stack(np.divmod(sides.keys, max(num_vertices, 1)), axis=1)
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    _, uses = np.unique(tails * num_vertices + heads, return_counts=True)
+    used, boundary = np.unique(faces), edges[sides.counts == 1]
     parts = _count_parts(edges, num_vertices) - (num_vertices - len(used))
     return Topology(
         num_vertices=len(used),
@@ -159,7 +162,7 @@ def count_topology(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Topology
         unused_vertices=num_vertices - len(used),
         boundary_edges=len(boundary),
         boundary_loops=_count_parts(boundary, num_vertices) - (num_vertices - len(np.unique(boundary))),
-        non_manifold_edges=int((faces_at > 2).sum()),
+        non_manifold_edges=int((sides.counts > 2).sum()),
         pinched_vertices=len(find_pinched(faces)),
         miswound_edges=int((uses > 1).sum()),
         components=parts,
@@ -167,7 +170,7 @@ def count_topology(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Topology
     )
 
 
-def find_pinched(faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, " P"]:
+def find_pinched(faces: Faces) -> Int[np.ndarray, " P"]:
     """Return the vertices whose faces are not one fan joined by edges, by libigl."""
     import igl
 
@@ -185,9 +188,7 @@ def _count_parts(edges: Int[np.ndarray, "E 2"], num_vertices: int) -> int:
     return int(connected_components(graph, directed=False)[0])
 
 
-def _find_angles(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "F 3"]:
+def _find_angles(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:
     """Return the angle at every corner [rad]."""
     corners = vertices[faces]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners

@@ -1,16 +1,25 @@
 """Take folds and self-intersections out of a fitted mesh, by moving vertices between their neighbors."""
 
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
-from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges, group_sides, make_manifold
+from reconstruction._src.geometry.manifold import (
+    Hinges,
+    find_ends,
+    find_hinges,
+    group_sides,
+    make_manifold,
+    widen,
+)
 from reconstruction._src.geometry.rows import (
+    Faces,
+    Vertices,
     any_corner,
+    compute_area_vectors,
     compute_lengths,
-    cross_rows,
+    drop_unused,
+    sum_by_owner,
     sum_rows,
 )
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
@@ -34,34 +43,21 @@ _SHARP_ANGLE = np.deg2rad(75)
 over a narrow groove."""
 
 
-def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
+def find_folded(vertices: Vertices, faces: Faces) -> Bool[np.ndarray, " F"]:
     """Return which faces lie against the mean normal, by area, of those around their corners."""
-    a = vertices[faces[:, 0]]
-    cross = cross_rows(vertices[faces[:, 1]] - a, vertices[faces[:, 2]] - a)
-    flat = faces.ravel()
-    at_vertex = np.stack(
-        [np.bincount(flat, np.repeat(cross[:, k], 3), minlength=len(vertices)) for k in range(3)], axis=1
-    )
+    cross = compute_area_vectors(vertices, faces)
+    at_vertex = sum_by_owner(faces.ravel(), np.repeat(cross, 3, axis=0), len(vertices))
     return sum_rows(at_vertex[faces].sum(axis=1) * cross) < 0
 
 
-class Tangles(NamedTuple):
-    """Which faces of a surface are tangled."""
-
-    is_tangled: Bool[np.ndarray, " F"]  # faces that are folded, or intersect another
-    is_searched: Bool[np.ndarray, " F"]  # faces whose intersections have all been looked for
-    pairs: Int[np.ndarray, "P 2"]  # faces that intersect, with at least one that was looked at
-
-
 def find_tangled(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
+    vertices: Vertices,
+    faces: Faces,
     hinges: Hinges,
     is_suspect: Bool[np.ndarray, " F"],
     is_tested: Bool[np.ndarray, " F"] | None = None,
-    before: tuple[Tangles, Bool[np.ndarray, " F"]] | None = None,
-) -> Tangles:
-    """Return which faces are folded, or intersect another."""
+) -> Bool[np.ndarray, " F"]:
+    """Return which faces are folded, or intersect another; these are looked for at suspects and sharp edges."""
     is_tangled = find_folded(vertices, faces)
     cosine = measure_bends(vertices, faces, hinges)
     is_tangled[hinges.faces[cosine < np.cos(FOLD_ANGLE)]] = True
@@ -69,24 +65,14 @@ def find_tangled(
     is_suspect[hinges.faces[cosine < np.cos(_SHARP_ANGLE)]] = True
     if is_tested is not None:
         is_suspect &= is_tested
-    pairs, is_open = np.empty((0, 2), dtype=np.int64), is_suspect
-    if before is not None:
-        (_, was_searched, known), has_moved = before
-        is_open = is_suspect & (has_moved | ~was_searched)
-        pairs = known[~any_corner(has_moved, known) & any_corner(is_suspect, known)]
-    if is_open.any():
-        pairs = np.unique(np.concatenate([pairs, find_intersections(vertices, faces, is_open)]), axis=0)
-    is_tangled[pairs] = True
-    if is_tested is not None:
-        is_tangled &= is_tested
-    return Tangles(is_tangled, is_suspect, pairs)
+    if is_suspect.any():
+        is_tangled[find_intersections(vertices, faces, is_suspect)] = True
+    return is_tangled if is_tested is None else is_tangled & is_tested
 
 
 def unfold_faces(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_movable: Bool[np.ndarray, " V"] | None = None,
-) -> Float[np.ndarray, "V 3"]:
+    vertices: Vertices, faces: Faces, is_movable: Bool[np.ndarray, " V"] | None = None
+) -> Vertices:
     """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
 
     A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
@@ -95,9 +81,7 @@ def unfold_faces(
     return _unfold(vertices, faces, is_movable)[0]
 
 
-def untangle(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
+def untangle(vertices: Vertices, faces: Faces) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
     """Do what `unfold_faces` does; of faces that still lie across others, those across the most go.
 
     Vertices that are left without a face go with them.
@@ -108,16 +92,13 @@ def untangle(
         while len(pairs := find_intersections(vertices, faces)):
             faces = np.delete(faces, np.bincount(pairs.ravel()).argmax(), axis=0)
             faces = make_manifold(vertices, faces, np.zeros(len(faces)))
-        used, corners = np.unique(faces, return_inverse=True)
-        vertices, faces = vertices[used], corners.reshape(-1, 3)
+        vertices, faces = drop_unused(vertices, faces)
     return vertices, faces
 
 
 def _unfold(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    is_movable: Bool[np.ndarray, " V"] | None = None,
-) -> tuple[Float[np.ndarray, "V 3"], Bool[np.ndarray, " F"]]:
+    vertices: Vertices, faces: Faces, is_movable: Bool[np.ndarray, " V"] | None = None
+) -> tuple[Vertices, Bool[np.ndarray, " F"]]:
     """Do what `unfold_faces` does; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))
@@ -125,50 +106,32 @@ def _unfold(
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge])
     best = find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), is_tested)
-    if not best.is_tangled.any():
-        return vertices, best.is_tangled
+    if not best.any():
+        return vertices, best
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
     is_fixed = np.zeros(len(vertices), dtype=bool) if is_movable is None else ~is_movable
     for rings, moves_boundary in _STAGES:
-        current, tangles, left = vertices, best, _ROUNDS
-        while left > 0 and best.is_tangled.any():
-            is_moved = _widen(tangles.is_tangled, faces, len(vertices), rings)
+        current, tangled, left = vertices, best, _ROUNDS
+        while left > 0 and best.any():
+            is_moved = np.zeros(len(vertices), dtype=bool)
+            is_moved[faces[tangled]] = True
+            is_moved = widen(faces, is_moved, rings)
             is_moved &= (~is_boundary | moves_boundary) & ~is_fixed
             moved = np.flatnonzero(is_moved)
             around = neighbors[moved]
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
             current = current.copy()
             current[moved] += _STEP * (around @ current / share - current[moved])
-            has_moved = any_corner(is_moved, faces)
-            tangles = find_tangled(
-                current,
-                faces,
-                hinges,
-                tangles.is_tangled | has_moved,
-                is_tested,
-                (tangles, has_moved),
-            )
+            is_suspect = tangled | any_corner(is_moved, faces)
+            tangled = find_tangled(current, faces, hinges, is_suspect, is_tested)
             left -= 1
-            if tangles.is_tangled.sum() < best.is_tangled.sum():
-                vertices, best, left = current, tangles, _ROUNDS
-    return vertices, best.is_tangled
-
-
-def _widen(
-    is_selected: Bool[np.ndarray, " F"], faces: Int[np.ndarray, "F 3"], num_vertices: int, rings: int
-) -> Bool[np.ndarray, " {num_vertices}"]:
-    """Return which vertices are those of the selected faces, or of `rings` rings around them."""
-    is_inside = np.zeros(num_vertices, dtype=bool)
-    is_inside[faces[is_selected]] = True
-    for _ in range(rings):
-        is_inside[faces[any_corner(is_inside, faces)]] = True
-    return is_inside
+            if tangled.sum() < best.sum():
+                vertices, best, left = current, tangled, _ROUNDS
+    return vertices, best
 
 
 def _find_turns(
-    vertices: Float[np.ndarray, "V 3"],
-    tail: Int[np.ndarray, " B"],
-    head: Int[np.ndarray, " B"],
+    vertices: Vertices, tail: Int[np.ndarray, " B"], head: Int[np.ndarray, " B"]
 ) -> Bool[np.ndarray, " V"]:
     """Return at which vertices the boundary, edges from tail to head, turns by more than `_BOUNDARY_ANGLE`."""
     along = vertices[head] - vertices[tail]

@@ -14,7 +14,7 @@ from jaxtyping import Bool
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.surfaces.primitives.find import Primitives, find_primitives
-from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
+from reconstruction._src.surfaces.primitives.primitive import Primitive
 from symbrion_gym._src.contact.distances import SurfaceDistance
 from symbrion_gym._src.contact.kinds import Contact
 from symbrion_gym._src.errors import ArenaError
@@ -174,7 +174,7 @@ def primitives_from_dict(content: dict[str, Any]) -> Primitives:
         Primitive(row.kind, np.array(row.center), np.array(row.axes), np.array(row.half_sizes))
         for row in table.shapes
     ]
-    return Primitives(shapes, table.tolerance, PrimitivesConfig())
+    return Primitives(shapes, table.tolerance)
 
 
 def find_solids(primitives: Primitives | None) -> list[Primitive]:

@@ -14,6 +14,7 @@ from reconstruction._src.geometry.halfspaces import (
 from reconstruction._src.geometry.outlines import (
     compute_bounds,
     compute_hull_outline,
+    find_largest_rectangle,
     find_outline,
     is_within,
     measure_area,
@@ -95,3 +96,9 @@ def test_a_box_is_recognized_in_any_pose():
     assert find_box(trimesh.creation.icosahedron()) is None
     bent = trimesh.Trimesh(np.array(box.vertices) + 1e-3 * np.eye(8, 3), box.faces, process=False)
     assert find_box(bent) is None
+
+
+def test_the_largest_rectangle_of_free_cells():
+    grid = np.array([[1, 1, 0, 1], [1, 1, 1, 1], [1, 1, 1, 0]], dtype=bool)
+    assert find_largest_rectangle(grid) in ((0, 0, 3, 2), (1, 0, 3, 3))
+    assert find_largest_rectangle(np.zeros((2, 2), dtype=bool)) == (0, 0, 0, 0)

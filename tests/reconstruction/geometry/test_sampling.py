@@ -8,7 +8,6 @@ from reconstruction._src.geometry.sampling import (
     sample_cells,
     sample_evenly,
     sample_grid,
-    sample_surface,
 )
 
 LOW, HIGH = np.array([-1.0, 2.0]), np.array([1.0, 3.0])
@@ -30,13 +29,6 @@ def test_a_seed_and_its_generator_draw_the_same():
     drawn = sample_area(*arrays, 10, np.random.default_rng(3))
     np.testing.assert_array_equal(drawn, sample_area(*arrays, 10, 3))
     assert (drawn != sample_area(*arrays, 10, 4)).any()
-
-
-def test_surface_samples_are_those_of_trimesh():
-    points, faces = sample_surface(SQUARE, 20, np.random.default_rng(5))
-    expected = trimesh.sample.sample_surface(SQUARE, 20, seed=5)
-    np.testing.assert_array_equal(points, expected[0])
-    np.testing.assert_array_equal(faces, expected[1])
 
 
 def test_cells_have_their_centers_inside():

@@ -7,7 +7,8 @@ import reconstruction as rc
 from benchmarks.material.known_objects import make_socket
 from benchmarks.objects import judge
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.objects.finding import suppress
+from reconstruction._src.objects.finding import Candidate, suppress
+from reconstruction._src.objects.model import make_model
 from reconstruction._src.objects.verification import Verdict
 
 MESHES = {"socket": make_socket()}
@@ -67,21 +68,16 @@ def test_a_missing_library_is_named_in_one_line(monkeypatch):
 
 
 def test_of_two_finds_at_one_place_the_better_is_kept():
-    from reconstruction._src.objects.finding import _Candidate
-    from reconstruction._src.objects.model import make_model
-
     model = make_model("socket", MESHES["socket"])
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[1, 0, 3], poses[2, 0, 3] = 0.01, 0.4
     found = [
-        _Candidate(model, pose, Verdict(score, 1.0, 100, 0.0))
+        Candidate(model, pose, Verdict(score, 1.0, 100))
         for pose, score in zip(poses, (0.95, 0.99, 0.96), strict=True)
     ]
     assert suppress(found) == [found[1], found[2]]
 
 
 def test_nothing_is_found_where_the_noise_hides_the_shape(library, caplog):
-    scan, meshes = make_scan(2), {"socket": make_socket()}
-    cloud = getattr(scan, "cloud", scan)
-    assert rc.find_objects(cloud, meshes, rc.ObjectsConfig(noise=0.02)) == []
+    assert rc.find_objects(make_scan(2).cloud, MESHES, rc.ObjectsConfig(noise=0.02)) == []
     assert "socket is not searched: with a noise of 20 mm" in caplog.text

@@ -11,10 +11,12 @@ from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.surfaces import color
 from reconstruction._src.surfaces.color import (
     ColorSource,
+    add_alpha,
     copy_vertex_colors,
     find_vertex_colors,
     interpolate_colors,
     match_colors,
+    measure_color_error,
     paint_mesh,
 )
 
@@ -60,10 +62,6 @@ def test_the_far_side_of_a_thin_wall_does_not_shine_through():
     place = np.array([[0.0, 0.1, 0.1]])
     assert ColorSource(cloud).find_colors(place, np.array([[1.0, 0, 0]])).tolist() == [RED]
     assert ColorSource(cloud).find_colors(place, np.array([[-1.0, 0, 0]])).tolist() == [BLUE]
-
-
-def test_no_place_has_no_color():
-    assert ColorSource(make_sheet(50)).find_colors(np.zeros((0, 3))).shape == (0, 3)
 
 
 def test_a_cloud_without_colors_is_refused():
@@ -118,14 +116,6 @@ def test_colors_of_new_readings_alone_are_dropped_with_a_word():
     assert match_colors(Cloud(np.eye(3)), Cloud(np.eye(3)))[1] == ""
 
 
-def test_vertex_colors_reach_mesh_files(tmp_path):
-    made = rc.reconstruct(make_sheet(), units=100)
-    for ending in ("ply", "glb", "obj"):
-        made.mesh.export(tmp_path / f"made.{ending}")
-        read = trimesh.load_mesh(tmp_path / f"made.{ending}", process=False)
-        assert np.array_equal(np.asarray(read.visual.vertex_colors)[:, :3], made.vertex_colors), ending
-
-
 def test_colors_between_vertices_are_mixed():
     mesh = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False)
     colors = np.array([[0, 0, 0], [100, 0, 0], [0, 200, 0]], np.uint8)
@@ -141,3 +131,32 @@ def test_a_copy_has_the_colors_of_its_model():
     paint_mesh(mesh, Cloud(np.array([[0, 0, 0.0], [9, 9, 9], [9, 0, 0]]), np.full((3, 3), 9, np.uint8)))
     copy_vertex_colors(mesh, target)
     assert (find_vertex_colors(target) == 9).all()
+
+
+def make_colored(value: int) -> trimesh.Trimesh:
+    mesh = trimesh.creation.box()
+    mesh.visual = trimesh.visual.ColorVisuals(
+        mesh, vertex_colors=add_alpha(np.full((len(mesh.vertices), 3), value, np.uint8))
+    )
+    return mesh
+
+
+def test_edges_are_told_apart():
+    def paint(places):
+        return np.repeat(np.where(places[:, :1] < 0, 0.4, 0.9), 3, axis=1)
+
+    error = measure_color_error(make_colored(102), paint)
+    assert 0.8 < error.away < 1.0
+    assert error.rmse_everywhere > 0
+
+
+def test_a_colored_mesh_can_be_the_truth():
+    assert measure_color_error(make_colored(51), make_colored(51)).rmse == pytest.approx(0.0, abs=1e-12)
+    assert measure_color_error(make_colored(51), make_colored(102)).rmse == pytest.approx(0.2)
+
+
+def test_what_has_no_colors_is_refused():
+    with pytest.raises(ReconstructionError, match="vertex colors"):
+        measure_color_error(trimesh.creation.box(), lambda places: places)
+    with pytest.raises(ReconstructionError, match="true mesh"):
+        measure_color_error(make_colored(1), trimesh.creation.box())

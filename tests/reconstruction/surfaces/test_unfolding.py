@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reconstruction._src.geometry.manifold import find_hinges, group_sides
 from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
 from reconstruction._src.surfaces.unfolding import (
     find_folded,
-    find_tangled,
     unfold_faces,
     untangle,
 )
@@ -63,26 +61,6 @@ def test_an_ear_keeps_its_corner():
     assert not find_folded(mended, faces).any()
     assert len(find_folded_edges(mended, faces)) == 0
     np.testing.assert_array_equal(mended[[0, 1, 2, 4]], vertices[[0, 1, 2, 4]])
-
-
-def test_what_is_found_again_after_a_move_is_what_a_whole_search_finds():
-    vertices, faces = make_lattice()
-    rng = np.random.default_rng(0)
-    hinges = find_hinges(faces, group_sides(faces, len(vertices)))
-    nothing = np.zeros(len(faces), dtype=bool)
-    known, found_any = find_tangled(vertices, faces, hinges, nothing), False
-    for _ in range(20):
-        moved = rng.choice(len(vertices), 3, replace=False)
-        vertices = vertices.copy()
-        vertices[moved] += rng.normal(0, 0.8, (3, 3))
-        has_moved = np.isin(faces, moved).any(axis=1)
-        suspects = known.is_tangled | has_moved
-        again = find_tangled(vertices, faces, hinges, suspects, before=(known, has_moved))
-        whole = find_tangled(vertices, faces, hinges, suspects)
-        np.testing.assert_array_equal(again.is_tangled, whole.is_tangled)
-        np.testing.assert_array_equal(again.pairs, whole.pairs)
-        known, found_any = again, found_any or len(again.pairs) > 0
-    assert found_any
 
 
 @pytest.mark.parametrize("height", [1.7, 4.0])

@@ -5,10 +5,10 @@ import pytest
 import trimesh
 
 from reconstruction._src.surfaces.primitives.find import Primitives
-from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
+from reconstruction._src.surfaces.primitives.primitive import Primitive
 from symbrion_gym._src.arenas.primitives import compute_beam_cost, pays
 
-NONE = Primitives([], 0.004, PrimitivesConfig())
+NONE = Primitives([], 0.004)
 
 
 def make_ground(extent: float = 2.0) -> trimesh.Trimesh:

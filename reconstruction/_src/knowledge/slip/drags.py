@@ -25,6 +25,20 @@ from reconstruction._src.scans.slip_readings import SlipReadings
 
 _ROUNDING = 1e-6  # Times closer than this are the same [s]
 _GAUSSIAN = 1.4826  # Standard deviation of a normal distribution in median absolute deviations
+_LEAST_SLIP = 0.10
+"""Slip from which tracks hold with all that friction gives [m/s]; below it the force rises with slip."""
+_SETTLING = 0.16  # What of a drag is left out at its beginning, as the body still swings [s]
+_WINDOW = 0.16
+"""Each reading of friction is a mean over this; longer ones are less noisy and know less of where [s]."""
+_BEND = 0.03
+"""A pitch that changes by more from before a drag to after it: the robot bridges a knick, and some of its
+tracks are in the air [rad]."""
+_LEAST_LOAD = 0.5
+"""The ground carries less than this share of the weight: the module is held up by the others."""
+_MOST_LOAD = 1.6  # And more than this: it carries others
+_PAIR_DISTANCE = 0.2  # Drags in opposite directions closer than this are on the same ground [m]
+_REPLACED = 0.2
+"""Old readings this close to a new one are out of date [m]: twice the way from one drag to the next."""
 
 
 @dataclass(frozen=True)
@@ -53,20 +67,6 @@ class SlipPriors:
 
     def __post_init__(self) -> None:
         check_not_negative(self, ("gain", "load_bias", "pull_bias", "tilt", "noise"), ScanError)
-
-
-_LEAST_SLIP = 0.10
-"""Slip from which tracks hold with all that friction gives [m/s]; below it the force rises with slip."""
-_SETTLING = 0.16  # What of a drag is left out at its beginning, as the body still swings [s]
-_WINDOW = 0.16
-"""Each reading of friction is a mean over this; longer ones are less noisy and know less of where [s]."""
-_BEND = 0.03
-"""A pitch that changes by more from before a drag to after it: the robot bridges a knick, and some of its
-tracks are in the air [rad]."""
-_LEAST_LOAD = 0.5
-"""The ground carries less than this share of the weight: the module is held up by the others."""
-_MOST_LOAD = 1.6  # And more than this: it carries others
-_PAIR_DISTANCE = 0.2  # Drags in opposite directions closer than this are on the same ground [m]
 
 
 class FrictionReadings(NamedTuple):
@@ -140,7 +140,8 @@ def _measure(
     """Return place, run, sign, pull and load of every window of a drag that tells something."""
     times = readings.times[part] - readings.times[part[0]] - _SETTLING
     numbers = np.floor(times / _WINDOW + _ROUNDING).astype(np.int64)
-    whole = np.flatnonzero(np.bincount(numbers[numbers >= 0]) * _find_tick(readings) >= _WINDOW - _ROUNDING)
+    tick = float(np.median(np.diff(readings.times))) if len(readings) > 1 else 0.0
+    whole = np.flatnonzero(np.bincount(numbers[numbers >= 0]) * tick >= _WINDOW - _ROUNDING)
     rows = []
     for window in (part[numbers == number] for number in whole):
         slip = float(readings.commanded[window[0]]) - _estimate_speed(readings, window)
@@ -156,19 +157,13 @@ def _measure(
     return rows
 
 
-def _find_tick(readings: SlipReadings) -> float:
-    """Return the time from one reading to the next [s]."""
-    return float(np.median(np.diff(readings.times))) if len(readings) > 1 else 0.0
-
-
 def _estimate_speed(readings: SlipReadings, part: Int[np.ndarray, " P"]) -> float:
     """Return the speed ahead, along the ground, by a line through the places [m/s]."""
     heading = np.median(readings.headings[part])
     pitch = float(np.median(readings.pitches[part]))
     ahead = np.array([np.cos(heading) * np.cos(pitch), np.sin(heading) * np.cos(pitch), np.sin(pitch)])
-    return float(
-        np.polyfit(readings.times[part] - readings.times[part[0]], readings.positions[part] @ ahead, 1)[0]
-    )
+    times = readings.times[part] - readings.times[part[0]]
+    return float(np.polyfit(times, readings.positions[part] @ ahead, 1)[0])
 
 
 def _estimate_pull_bias(drags: _Drags, priors: SlipPriors) -> tuple[float, float]:
@@ -198,15 +193,8 @@ def _estimate_noise(frictions: Float[np.ndarray, " D"], runs: Int[np.ndarray, " 
     return max(least, _GAUSSIAN * float(np.median(np.abs(steps))) / np.sqrt(2.0))
 
 
-REPLACED = 0.2
-"""Old readings this close to a new one are out of date [m]: twice the way from one drag to the next."""
-
-
 def join_slip(
-    known: FrictionReadings | None,
-    slip: SlipReadings | None,
-    offset: Float[np.ndarray, " 3"],
-    priors: SlipPriors | None = None,
+    known: FrictionReadings | None, slip: SlipReadings | None, offset: Float[np.ndarray, " 3"]
 ) -> FrictionReadings | None:
     """Return friction by place after new slip; the known one where there is none."""
     if slip is None:
@@ -215,14 +203,14 @@ def join_slip(
         raise ReconstructionError(
             f"slip must be SlipReadings, as `ScanLog.slip` is, got {type(slip).__name__}"
         )
-    new = find_friction(slip, priors)
+    new = find_friction(slip)
     new = new._replace(places=new.places - offset)
     if known is None or not len(new.frictions):
         return new if known is None else known
     from scipy.spatial import cKDTree
 
     distance = cKDTree(new.places).query(known.places)[0]
-    kept = FrictionReadings(*(array[distance > REPLACED] for array in known))
+    kept = FrictionReadings(*(array[distance > _REPLACED] for array in known))
     shift = int(kept.runs.max()) + 1 if len(kept.runs) else 0
     new = new._replace(runs=new.runs + shift)
     return FrictionReadings(*(np.concatenate(pair) for pair in zip(kept, new, strict=True)))

@@ -8,13 +8,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from reconstruction._src.geometry.outlines import find_largest_rectangle
 from reconstruction._src.knowledge.slip.drags import FrictionReadings
 from reconstruction._src.scans.slip_readings import find_segments
 
 _NORMAL_95 = 1.96  # Half-width of a 95 % interval in standard deviations
 _LEAST_SIGMA = 1e-3  # Standard deviations below this are rounding
-
-
 _PENALTY = 16.0
 """Cost of one more change along the way, in squared standard deviations: 16 takes one for a change of 4
 standard deviations, which chance shows once in 16,000 readings."""
@@ -22,14 +21,13 @@ _LEAST_READINGS = 2  # Stretches of fewer are left out
 _BORDER = 0.06
 """Readings closer to a change are left out: the module, which touches the ground over 65 mm, may have stood on
 both sides [m]."""
-_SAME = 0.03
-"""Stretches whose frictions differ by less, or by less than `certainty` standard deviations, are one patch."""
-_CERTAINTY = 3.0  # See `same`
+_SAME = 0.03  # Stretches whose frictions differ by less are one patch ...
+_CERTAINTY = 3.0  # ... or by less than so many standard deviations
 _REACH = 0.3
 """Ground up to this far from a reading is of its patch [m]; what is farther away is of the largest patch."""
 _CELL = 0.05  # Sides of patches are multiples of this [m]
-_LEAST_AREA = 0.05
-"""Rectangles of less at the rim of a patch are left out: nobody knows borders to a centimeter [m²]."""
+_FEWEST_CELLS = 20
+"""Rectangles of fewer cells at the rim of a patch are left out: nobody knows borders to a centimeter."""
 
 
 class EstimatedPatch(NamedTuple):
@@ -37,8 +35,9 @@ class EstimatedPatch(NamedTuple):
 
     friction: float  # its friction
     half_width: float  # half-width of the 95 % interval
-    # lowest x and y, highest x and y [m]; none for the largest patch, which is the rest
-    rectangles: Float[np.ndarray, "R 4"]
+    rectangles: Float[
+        np.ndarray, "R 4"
+    ]  # lowest x, y, highest x, y [m]; none for the largest patch: the rest
     num_readings: int  # number of readings in it
 
 
@@ -57,7 +56,7 @@ def estimate_friction_patches(readings: FrictionReadings) -> FrictionEstimate | 
     interval of a patch holds the scatter of its readings and the error that they share.
     """
     patch_of = _join(readings, _find_stretches(readings))
-    counts = np.bincount(patch_of[patch_of >= 0]) if (patch_of >= 0).any() else np.zeros(0, dtype=np.int64)
+    counts = np.bincount(patch_of[patch_of >= 0])
     if not len(counts):
         return None
     order = np.argsort(-counts, kind="stable")
@@ -79,45 +78,35 @@ def _find_stretches(readings: FrictionReadings) -> Int[np.ndarray, " D"]:
         numbers = find_segments(readings.frictions[own], sigma, _PENALTY)
         parts = [own[numbers == number] for number in range(numbers[-1] + 1)]
         parts = [part for part in parts if len(part) >= _LEAST_READINGS]
-        for place, part in enumerate(parts):
-            others = [(parts[place - 1], -1, 0)] if place else []
-            others += [(parts[place + 1], 0, -1)] if place + 1 < len(parts) else []
-            inside = _leave_borders(readings, part, others)
-            if len(inside) >= _LEAST_READINGS:
-                stretches[inside] = next_number
+        for before, part, after in zip([None, *parts], parts, [*parts[1:], None], strict=False):
+            is_inside = np.ones(len(part), dtype=bool)
+            for other, theirs, mine in ((before, -1, 0), (after, 0, -1)):
+                if other is None or _differ(readings, other, part) <= _SAME:
+                    continue
+                middle = (readings.places[other[theirs]] + readings.places[part[mine]]) / 2
+                is_inside &= np.linalg.norm(readings.places[part] - middle, axis=1) > _BORDER
+            if is_inside.sum() >= _LEAST_READINGS:
+                stretches[part[is_inside]] = next_number
                 next_number += 1
     return stretches
 
 
-def _leave_borders(
-    readings: FrictionReadings,
-    part: Int[np.ndarray, " P"],
-    others: list[tuple[Int[np.ndarray, " _"], int, int]],
-) -> Int[np.ndarray, " I"]:
-    """Return the readings of a stretch that are not at its border with one of another friction."""
-    is_inside = np.ones(len(part), dtype=bool)
-    friction = readings.frictions[part].mean()
-    for other, theirs, own in others:
-        if abs(readings.frictions[other].mean() - friction) > _SAME:
-            middle = (readings.places[other[theirs]] + readings.places[part[own]]) / 2
-            is_inside &= np.linalg.norm(readings.places[part] - middle, axis=1) > _BORDER
-    return part[is_inside]
+def _differ(readings: FrictionReadings, one: Int[np.ndarray, " P"], other: Int[np.ndarray, " Q"]) -> float:
+    return abs(float(readings.frictions[one].mean() - readings.frictions[other].mean()))
 
 
 def _join(readings: FrictionReadings, stretches: Int[np.ndarray, " D"]) -> Int[np.ndarray, " D"]:
     """Join stretches of equal friction, the two most alike first."""
-    count = int(stretches.max()) + 1 if len(stretches) else 0
+    count = int(stretches.max(initial=-1)) + 1
     groups = [[number] for number in range(count)]
-    weight = [(readings.sigmas[stretches == number] ** -2.0).sum() for number in range(count)]
-    mean = [
-        float(np.average(readings.frictions[stretches == n], weights=readings.sigmas[stretches == n] ** -2.0))
-        for n in range(count)
-    ]
+    weights = readings.sigmas**-2.0
+    weight = [weights[stretches == number].sum() for number in range(count)]
+    mean = [(weights * readings.frictions)[stretches == n].sum() / weight[n] for n in range(count)]
     while len(groups) > 1:
         order = np.argsort(mean)
-        apart = np.diff(np.array(mean)[order])
-        spread = _CERTAINTY * np.sqrt(1 / np.array(weight)[order][1:] + 1 / np.array(weight)[order][:-1])
-        excess = apart - np.maximum(_SAME, spread)
+        variance = 1 / np.array(weight)[order]
+        spread = _CERTAINTY * np.sqrt(variance[1:] + variance[:-1])
+        excess = np.diff(np.array(mean)[order]) - np.maximum(_SAME, spread)
         at = int(np.argmin(excess))
         if excess[at] >= 0.0:
             break
@@ -137,11 +126,9 @@ def _summarize(readings: FrictionReadings, is_own: Bool[np.ndarray, " D"]) -> tu
     values, sigmas = readings.frictions[is_own], readings.sigmas[is_own]
     weights = sigmas**-2.0
     friction = float(np.average(values, weights=weights))
-    scatter = max(1.0, float(np.sqrt(np.average((values - friction) ** 2 / sigmas**2)))) / np.sqrt(
-        weights.sum()
-    )
+    scatter = max(1.0, float(np.sqrt(np.average((values - friction) ** 2 / sigmas**2))))
     shared = float(np.median(readings.shared[is_own]))
-    return friction, float(_NORMAL_95 * np.hypot(scatter, shared))
+    return friction, float(_NORMAL_95 * np.hypot(scatter / np.sqrt(weights.sum()), shared))
 
 
 def _find_cells(
@@ -151,39 +138,23 @@ def _find_cells(
     known = patch_of >= 0
     low = np.floor((places[known].min(axis=0) - _REACH) / _CELL).astype(np.int64)
     high = np.ceil((places[known].max(axis=0) + _REACH) / _CELL).astype(np.int64)
-    grid = np.stack(
-        np.meshgrid(*(np.arange(*ends) for ends in zip(low, high, strict=True)), indexing="ij"), -1
-    )
+    axes = [np.arange(*ends) for ends in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
     distance, nearest = cKDTree(places[known]).query((grid + 0.5) * _CELL)
     owner = np.where(distance <= _REACH, patch_of[known][nearest], 0)
     rectangles = [np.zeros((0, 4))]
     for number in range(1, int(patch_of.max()) + 1):
-        fewest = max(1, round(_LEAST_AREA / _CELL**2))
-        corners = _cover(owner == number, fewest) + np.concatenate([low, low])
-        rectangles.append(corners * _CELL)
+        corners = np.array(_cover(owner == number), dtype=np.int64).reshape(-1, 4)
+        rectangles.append((corners + np.concatenate([low, low])) * _CELL)
     return rectangles
 
 
-def _cover(is_own: Bool[np.ndarray, "X Y"], fewest: int) -> Int[np.ndarray, "R 4"]:
-    """Return rectangles of `fewest` cells or more that cover cells once each, the largest first."""
+def _cover(is_own: Bool[np.ndarray, "X Y"]) -> list[tuple[int, int, int, int]]:
+    """Return rectangles of enough cells that cover cells once each, the largest first."""
     left, found = is_own.copy(), []
-    while left.any():
-        best = (0, 0, 0, 0, 0)
-        runs = np.zeros(left.shape[1], dtype=np.int64)
-        for x in range(left.shape[0]):
-            runs = np.where(left[x], runs + 1, 0)
-            for y in np.flatnonzero(runs):
-                depth = runs[y]
-                for top in range(y, left.shape[1]):
-                    depth = min(depth, runs[top])
-                    if depth == 0:
-                        break
-                    area = int(depth) * (top - y + 1)
-                    if area > best[0]:
-                        best = (area, x + 1 - int(depth), int(y), x + 1, top + 1)
-        area, x0, y0, x1, y1 = best
-        if area < fewest:
-            break
+    while True:
+        x0, y0, x1, y1 = best = find_largest_rectangle(left)
+        if (x1 - x0) * (y1 - y0) < _FEWEST_CELLS:
+            return found
         left[x0:x1, y0:y1] = False
-        found.append((x0, y0, x1, y1))
-    return np.array(found, dtype=np.int64).reshape(-1, 4)
+        found.append(best)

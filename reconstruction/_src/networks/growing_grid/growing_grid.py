@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.rows import compute_lengths, sum_rows
-from reconstruction._src.knowledge.changes.free_space import widen
+from reconstruction._src.geometry.manifold import widen
+from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, sum_rows
 from reconstruction._src.networks.growing_grid import paper as grid_paper
 from reconstruction._src.networks.growing_grid.growth import (
     Insertion,
@@ -39,14 +39,10 @@ from reconstruction._src.networks.growing_grid.learning import (
     fit_grid,
     learn,
 )
-from reconstruction._src.networks.growing_grid.mesh import (
-    find_covered_cells,
-    triangulate,
-    untangle_sheet,
-)
-from reconstruction._src.networks.least_squares import FitConfig
+from reconstruction._src.networks.growing_grid.mesh import find_covered_cells, triangulate, untangle_sheet
 from reconstruction._src.networks.som.density import measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
+from reconstruction._src.networks.surface_fit import FitConfig
 
 _FREE_RINGS = 2  # Units within this many rings of a changed one learn again with it
 _REACH = 2.0  # A point is reached where a unit lies within this many median sides of the grid
@@ -64,8 +60,6 @@ _MAX_SIGMA_SHARE = 0.2
 _FIT_SAMPLES_PER_UNIT = 200  # Points used by the final fit, for each unit
 _FINAL_FIT = FitConfig(stiffness=0.03, step_limit=0.5, reach=4.0)
 """The final fit; its lengths are in grid steps."""
-_SIGNALS_PER_UNIT = 30  # Signals between two insertions, for each unit (paper mode; lambda_g)
-_FINE_SIGNALS_PER_UNIT = 100  # Signals of the fine-tuning, for each unit (paper mode; lambda_f)
 
 
 @dataclass(frozen=True)
@@ -117,19 +111,17 @@ class State(NamedTuple):
     has_face: Bool[np.ndarray, "R-1 C-1"]  # whether the cell between four units belongs to the surface
 
     @property
-    def vertices(self) -> Float[np.ndarray, "V 3"]:
+    def vertices(self) -> Vertices:
         """The units, row after row [m]."""
         return self.units.reshape(-1, 3)
 
     @property
-    def faces(self) -> Int[np.ndarray, "F 3"]:
+    def faces(self) -> Faces:
         """Two triangles a cell."""
         return triangulate(self.units, self.has_face)
 
 
-def train(
-    points: Float[np.ndarray, "N 3"], config: GrowingGridConfig, seed: int = 0, progress: Progress = silent
-) -> State:
+def train(points: Points, config: GrowingGridConfig, seed: int = 0, progress: Progress = silent) -> State:
     """Grow a grid of 2 x 2 units over the points."""
     return _train(points, config, seed, progress, None)
 
@@ -137,7 +129,7 @@ def train(
 def train_again(
     state: State,
     is_changed: Bool[np.ndarray, " V"],
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     config: GrowingGridConfig,
     seed: int = 0,
     progress: Progress = silent,
@@ -163,11 +155,7 @@ class _Start(NamedTuple):
 
 
 def _train(
-    points: Float[np.ndarray, "N 3"],
-    config: GrowingGridConfig,
-    seed: int,
-    progress: Progress,
-    start: _Start | None,
+    points: Points, config: GrowingGridConfig, seed: int, progress: Progress, start: _Start | None
 ) -> State:
     """Do what `train` and `train_again` do."""
     rng = np.random.default_rng(seed)
@@ -176,16 +164,7 @@ def _train(
     scaled = ((points - center) / scale).astype(np.float32)[rng.permutation(len(points))]
     is_movable = None if start is None else start.is_movable
     if config.mode == "paper":
-        units = grid_paper.train(
-            scaled,
-            config.wanted_units,
-            config.triangles,
-            config.rule,
-            _SIGNALS_PER_UNIT,
-            _FINE_SIGNALS_PER_UNIT,
-            rng,
-            progress,
-        )
+        units = grid_paper.train(scaled, config.wanted_units, config.triangles, config.rule, rng, progress)
     else:
         begun = None if start is None else start._replace(units=((start.units - center) / scale))
         units = _train_batch(scaled, config, rng, progress, begun)
@@ -202,7 +181,7 @@ def _train(
 
 
 def _train_batch(
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     config: GrowingGridConfig,
     rng: np.random.Generator,
     progress: Progress,
@@ -230,10 +209,7 @@ def _train_batch(
 
 
 def _grow(
-    points: Float[np.ndarray, "N 3"],
-    sort: Callable[[int], Tiles],
-    config: GrowingGridConfig,
-    progress: Progress,
+    points: Points, sort: Callable[[int], Tiles], config: GrowingGridConfig, progress: Progress
 ) -> Float[np.ndarray, "R C 3"]:
     """Grow from 2 x 2 to the wanted number of units."""
     wanted = config.wanted_units

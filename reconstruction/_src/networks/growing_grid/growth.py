@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int, Num
 
-from reconstruction._src.geometry.rows import compute_lengths
+from reconstruction._src.geometry.rows import Points, compute_lengths
 
 Insertion = Literal["longest", "counter", "distant"]
 
@@ -17,7 +17,7 @@ _UNITS_WEIGHT, _TRIANGLES_WEIGHT = 10, 100
 number of units is approximate, one of triangles is to be met."""
 
 
-def start_grid(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "2 2 3"]:
+def start_grid(points: Points) -> Float[np.ndarray, "2 2 3"]:
     """Return 2 x 2 units on the plane of the two principal axes, one standard deviation out."""
     center = points.mean(axis=0)
     _, values, axes = np.linalg.svd(points[:_AXIS_POINTS] - center, full_matrices=False)

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from reconstruction._src.geometry.rows import compute_lengths
 from reconstruction._src.networks.growing_grid.mesh import triangulate, unfold
-from reconstruction._src.networks.least_squares import FitConfig, compute_chunk, fit_once
 from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 from reconstruction._src.networks.som.winners import (
     MAX_CANDIDATES,
@@ -18,7 +17,7 @@ from reconstruction._src.networks.som.winners import (
     find_candidates,
     search_tiles,
 )
-from reconstruction._src.networks.surface_fit import make_ring
+from reconstruction._src.networks.surface_fit import FitConfig, Samples, compute_chunk, fit_once, make_ring
 
 TAPS = 3  # Reach of the neighborhood along each grid axis
 MAX_ITERATIONS = 24  # Iterations of a fit at most
@@ -45,15 +44,14 @@ def learn(
     is_movable: Bool[np.ndarray, "R C"] | None = None,
 ) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
     """Train the grid by the batch rule."""
-    capacity = max(compute_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
-    padded, candidates = _pad(units, tiles, capacity)
+    padded, candidates, mask = _pad(units, tiles, goal, is_movable)
     moved, counts = _learn(
         tiles.samples,
         tiles.is_real,
         padded,
         candidates,
         np.array(units.shape[:2]),
-        _pad_mask(is_movable, units, capacity),
+        mask,
         np.float32(sigma),
         np.int32(iterations),
     )
@@ -86,9 +84,8 @@ def fit_grid(
     rows, columns = units.shape[:2]
     spacing = float(compute_lengths(np.diff(units, axis=1)).mean())
     spacing = (spacing + float(compute_lengths(np.diff(units, axis=0)).mean())) / 2
-    capacity = max(compute_capacity(goal), padded_length(rows * columns, MAX_CANDIDATES))
-    padded, candidates = _pad(units, tiles, capacity)
-    ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), capacity)
+    padded, candidates, mask = _pad(units, tiles, goal, is_movable)
+    ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), len(padded))
     ring = np.pad(ring, ((0, 0), (0, _RING_DEPTH - ring.shape[1]), (0, 0)), constant_values=-1)
     moved, counts = _fit(
         tiles.samples / np.float32(spacing),
@@ -96,7 +93,7 @@ def fit_grid(
         padded / np.float32(spacing),
         candidates,
         np.array([rows, columns]),
-        _pad_mask(is_movable, units, capacity),
+        mask,
         ring,
         np.resize(sigmas, MAX_ITERATIONS).astype(np.float32),
         np.int32(len(sigmas)),
@@ -115,13 +112,16 @@ def _as_grid(
 
 
 def _pad(
-    units: Float[np.ndarray, "R C 3"], tiles: Tiles, capacity: int
-) -> tuple[Float[np.ndarray, "capacity 3"], Int[np.ndarray, "T K"]]:
-    """Return the units, row after row, and every tile's candidates.
+    units: Float[np.ndarray, "R C 3"], tiles: Tiles, goal: int, is_movable: Bool[np.ndarray, "R C"] | None
+) -> tuple[Float[np.ndarray, "capacity 3"], Int[np.ndarray, "T K"], Bool[np.ndarray, " capacity"]]:
+    """Return the units, row after row, every tile's candidates, and which units may move.
 
-    Both shapes follow from the capacity, the number of samples and whether the lists are long enough: another
+    The shapes follow from the goal, the number of samples and whether the lists are long enough: another
     seed, another proportion of the grid, but the same compiled program.
     """
+    capacity = max(compute_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
+    mask = np.ones(units.shape[:2], dtype=bool) if is_movable is None else is_movable
+    mask = pad_rows(mask.reshape(-1), capacity, False)
     flat = units.reshape(-1, 3)
     padded = pad_rows(flat.astype(np.float32), capacity, _FAR)
     if capacity <= MAX_CANDIDATES:
@@ -133,15 +133,7 @@ def _pad(
         radius = compute_lengths(tiles.samples[:, ::4] - tiles.centers[:, None]).max(axis=1)
         if (reach < radius).mean() > _MAX_SHORT and number < min(MAX_CANDIDATES, len(flat)):
             candidates, _ = find_candidates(tiles, flat, min(2 * number, MAX_CANDIDATES, len(flat)))
-    return padded, candidates
-
-
-def _pad_mask(
-    is_movable: Bool[np.ndarray, "R C"] | None, units: Float[np.ndarray, "R C 3"], capacity: int
-) -> Bool[np.ndarray, " capacity"]:
-    number = units.shape[0] * units.shape[1]
-    mask = np.ones(number, dtype=bool) if is_movable is None else is_movable.reshape(-1)
-    return pad_rows(mask, capacity, False)
+    return padded, candidates, mask
 
 
 def compute_capacity(goal: int) -> int:
@@ -218,17 +210,12 @@ def _fit(
 
     def step(iteration, units):
         winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
-        return fit_once(
-            units,
-            ring,
-            flat,
-            winners,
-            weight,
-            config,
-            chunk=chunk,
-            is_movable=is_movable,
-            spread=lambda moments: _smooth(moments, shape, sigmas[iteration]),
-        )
+        found = Samples(flat, winners, weight)
+
+        def spread(moments):
+            return _smooth(moments, shape, sigmas[iteration])
+
+        return fit_once(units, ring, found, config, chunk, is_movable, spread)
 
     units = jax.lax.fori_loop(0, num_iterations, step, units)
     winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, cross_rows, sum_rows
 from reconstruction._src.surfaces.unfolding import unfold_faces
 
 MAX_UNFOLDINGS = 6
@@ -13,9 +13,7 @@ MAX_SPLITS = 4
 """Moved units may split cells across other diagonals; the result is tested again at most this many times."""
 
 
-def triangulate(
-    units: Float[np.ndarray, "R C 3"], has_face: Bool[np.ndarray, "R-1 C-1"]
-) -> Int[np.ndarray, "F 3"]:
+def triangulate(units: Float[np.ndarray, "R C 3"], has_face: Bool[np.ndarray, "R-1 C-1"]) -> Faces:
     """Split every cell into two triangles, across the diagonal that gives the better worse triangle."""
     rows, columns = units.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -86,7 +84,7 @@ def find_folded(units: Float[np.ndarray, "R C 3"]) -> Bool[np.ndarray, "R C"]:
 
 
 def _shape(
-    vertices: Float[np.ndarray, "V 3"],
+    vertices: Vertices,
     i: Int[np.ndarray, "P Q"],
     j: Int[np.ndarray, "P Q"],
     k: Int[np.ndarray, "P Q"],
@@ -109,9 +107,7 @@ _MAX_VOID = 0.5  # A cell of which a larger share lies far from all points is no
 _NUM_NEAR = 10  # Neighbors in the ball that measures the spacing of the points
 
 
-def find_covered_cells(
-    units: Float[np.ndarray, "R C 3"], points: Float[np.ndarray, "N 3"]
-) -> Bool[np.ndarray, "R-1 C-1"]:
+def find_covered_cells(units: Float[np.ndarray, "R C 3"], points: Points) -> Bool[np.ndarray, "R-1 C-1"]:
     """Return which cells belong to the surface: not those drawn out over a hole without points."""
     down = compute_lengths(np.diff(units, axis=0))
     across = compute_lengths(np.diff(units, axis=1))

@@ -13,24 +13,25 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.progress import Progress
+from reconstruction._src.geometry.rows import Points
 from reconstruction._src.networks.growing_grid.growth import Insertion, choose_line_pair, insert_lines
 from reconstruction._src.networks.som.compilation import padded_length
 
-SIGMA = 0.9  # Width of the neighborhood on the L1 distance in the grid (Fritzke's sigma)
-RATE, FINAL_RATE = 0.1, 0.005
+_SIGMA = 0.9  # Width of the neighborhood on the L1 distance in the grid (Fritzke's sigma)
+_RATE, _FINAL_RATE = 0.1, 0.005
 """Adaptation strength (epsilon) while growing, and at the end of the fine-tuning."""
-REACH = 3  # Units farther than this along an axis move by less than a 250th of the winner's step; they stay
+_REACH = 3  # Units farther than this along an axis move by less than a 250th of the winner's step; they stay
+_SIGNALS_PER_UNIT = 30  # Signals between two insertions, for each unit (lambda_g)
+_FINE_SIGNALS_PER_UNIT = 100  # Signals of the fine-tuning, for each unit (lambda_f)
 _FAR = 1e6  # Where padded units stand: they win nothing, and squares stay finite in float32
 _MIN_SIDE = 8  # Rows and columns for which there is room at least, so that few programs are compiled
 
 
 def train(
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     wanted: int,
     triangles: int | None,
     insertion: Insertion,
-    signals_per_unit: int,
-    fine_signals_per_unit: int,
     rng: np.random.Generator,
     progress: Progress,
 ) -> Float[np.ndarray, "R C 3"]:
@@ -39,12 +40,12 @@ def train(
     while not _is_complete(units, wanted, triangles):
         number = units.shape[0] * units.shape[1]
         progress("grow", 0.7 * number / wanted)
-        units, counters = _present(points, units, signals_per_unit * number, RATE, RATE, rng)
+        units, counters = _present(points, units, _SIGNALS_PER_UNIT * number, _RATE, _RATE, rng)
         axis, gap = choose_line_pair(units, counters, insertion)
         units = insert_lines(units.swapaxes(0, axis), np.array([gap])).swapaxes(0, axis)
     progress("fine-tune", 0.7)
     number = units.shape[0] * units.shape[1]
-    return _present(points, units, fine_signals_per_unit * number, RATE, FINAL_RATE, rng)[0]
+    return _present(points, units, _FINE_SIGNALS_PER_UNIT * number, _RATE, _FINAL_RATE, rng)[0]
 
 
 def _is_complete(units: Float[np.ndarray, "R C 3"], wanted: int, triangles: int | None) -> bool:
@@ -55,7 +56,7 @@ def _is_complete(units: Float[np.ndarray, "R C 3"], wanted: int, triangles: int 
 
 
 def _present(
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     units: Float[np.ndarray, "R C 3"],
     num_signals: int,
     rate: float,
@@ -64,11 +65,11 @@ def _present(
 ) -> tuple[Float[np.ndarray, "R C 3"], Int[np.ndarray, "R C"]]:
     """Present signals one after the other; the rate falls geometrically: units and how often each won."""
     rows, columns = units.shape[:2]
-    shape = [padded_length(n, _MIN_SIDE) + 2 * REACH for n in (rows, columns)]
+    shape = [padded_length(n, _MIN_SIDE) + 2 * _REACH for n in (rows, columns)]
     padded = np.full((*shape, 3), _FAR, dtype=np.float32)
-    padded[REACH : REACH + rows, REACH : REACH + columns] = units
+    padded[_REACH : _REACH + rows, _REACH : _REACH + columns] = units
     is_unit = np.zeros(shape, dtype=bool)
-    is_unit[REACH : REACH + rows, REACH : REACH + columns] = True
+    is_unit[_REACH : _REACH + rows, _REACH : _REACH + columns] = True
     learned, counters = _adapt_one_by_one(
         points[rng.permutation(len(points))],
         padded,
@@ -77,7 +78,7 @@ def _present(
         np.float32(rate),
         np.float32(np.log(final_rate / rate) / num_signals),
     )
-    inside = (slice(REACH, REACH + rows), slice(REACH, REACH + columns))
+    inside = (slice(_REACH, _REACH + rows), slice(_REACH, _REACH + columns))
     return np.asarray(learned)[inside], np.asarray(counters)[inside]
 
 
@@ -91,9 +92,9 @@ def _adapt_one_by_one(
     decay: Float[jax.Array, ""],
 ) -> tuple[Float[jax.Array, "R C 3"], Int[jax.Array, "R C"]]:
     """Per signal: find the winner, move it and its neighbors towards the signal, count (steps 3 to 5)."""
-    offset = jnp.abs(jnp.arange(-REACH, REACH + 1))
-    kernel = jnp.exp(-((offset[:, None] + offset) ** 2) / (2 * SIGMA**2))
-    window = 2 * REACH + 1
+    offset = jnp.abs(jnp.arange(-_REACH, _REACH + 1))
+    kernel = jnp.exp(-((offset[:, None] + offset) ** 2) / (2 * _SIGMA**2))
+    window = 2 * _REACH + 1
     num_points, num_columns = points.shape[0], units.shape[1]
 
     def adapt(step, carry):
@@ -101,7 +102,7 @@ def _adapt_one_by_one(
         signal = points[step % num_points]
         distance = jnp.sum((units - signal) ** 2, axis=2)
         row, column = jnp.divmod(jnp.argmin(distance), num_columns)
-        corner = (row - REACH, column - REACH)
+        corner = (row - _REACH, column - _REACH)
         near = jax.lax.dynamic_slice(units, (*corner, 0), (window, window, 3))
         real = jax.lax.dynamic_slice(is_unit, corner, (window, window))
         strength = jnp.where(real, rate * jnp.exp(decay * step) * kernel, 0.0)

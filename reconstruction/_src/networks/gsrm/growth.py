@@ -30,6 +30,13 @@ from reconstruction._src.networks.som.winners import (
 
 _NOWHERE = 1e6
 """Where unused slots wait: no sample is nearer to them than to a unit, and squares stay finite in float32."""
+_GROWTH = 2.0  # Factor on the number of units in one round
+_SAMPLES_PER_UNIT = 8
+"""Samples of a round, for each unit wanted; settling uses twice as many, topology and the final fit all."""
+_SETTLE_PASSES = 4  # Passes of all units through their samples once they are complete
+_SPLIT_RADIUS = 1.05
+"""A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole. Units of a
+hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing."""
 _MAX_ROUNDS = 100  # A map that has not grown to its size by then cannot: there are too few distinct samples
 _CANDIDATE_AGE = 2  # Passes of settling for which one list of candidates does: units hardly move then
 
@@ -40,8 +47,7 @@ class Tally(NamedTuple):
     means: Float[np.ndarray, "U 3"]  # mean of the samples won; the unit's own place where there are none
     counts: Float[np.ndarray, " U"]  # samples won
     errors: Float[np.ndarray, " U"]  # sum of squared distances to them
-    # the neighbor with the largest error; the unit of largest error where none
-    worst_neighbors: Int[np.ndarray, " U"]
+    worst_neighbors: Int[np.ndarray, " U"]  # that of largest error; the unit of largest error where none
     spacings: Float[np.ndarray, " U"]  # mean distance between the samples won
 
 
@@ -59,7 +65,7 @@ def make_level(tiles: Tiles, density: Density) -> Level:
     return Level(tiles, weights, density.spacing[tiles.order].astype(np.float32))
 
 
-def thin_level(level: Level, wanted: int, rng: np.random.Generator) -> Level:
+def _thin_level(level: Level, wanted: int, rng: np.random.Generator) -> Level:
     """Thin the samples evenly, to a quarter as often as at least `wanted` stay."""
     tiles = level.tiles
     num_tiles, size = tiles.order.shape
@@ -78,16 +84,7 @@ def thin_level(level: Level, wanted: int, rng: np.random.Generator) -> Level:
 
 
 def grow(
-    level: Level,
-    units: Float[np.ndarray, "U 3"],
-    capacity: int,
-    *,
-    growth: float,
-    samples_per_unit: int,
-    settle_passes: int,
-    split_radius: float,
-    rng: np.random.Generator,
-    num_held: int = 0,
+    level: Level, units: Float[np.ndarray, "U 3"], capacity: int, rng: np.random.Generator, num_held: int = 0
 ) -> Float[np.ndarray, "W 3"]:
     """Grow a map from some units to `capacity`, then settle it."""
     num_units, num_slots = len(units), padded_length(capacity)
@@ -95,35 +92,35 @@ def grow(
     slots[:, 0] *= 1 + np.arange(num_slots, dtype=np.float32) / num_slots
     slots[:num_units] = units
     # The maps of the rounds are smaller than the last one, so that two thirds of its samples are enough.
-    thinned = thin_level(level, samples_per_unit * capacity * 2 // 3, rng)
+    thinned = _thin_level(level, _SAMPLES_PER_UNIT * capacity * 2 // 3, rng)
     for _ in range(_MAX_ROUNDS):
         if num_units == capacity:
             break
-        tally = tally_units(thinned, slots, list_candidates(thinned, slots))
+        tally = _tally_units(thinned, slots, _list_candidates(thinned, slots))
         slots[num_held:num_units] = tally.means[num_held:num_units]
-        wanted = min(capacity, max(num_units + 1, int(growth * num_units)))
-        before, num_units = num_units, _insert(slots, tally, num_units, wanted, split_radius, num_held)
+        wanted = min(capacity, max(num_units + 1, int(_GROWTH * num_units)))
+        before, num_units = num_units, _insert(slots, tally, num_units, wanted, num_held)
         if num_units == before:
             break
-    thinned = thin_level(level, 2 * samples_per_unit * capacity, rng)
-    candidates = None
-    for remaining in reversed(range(settle_passes)):
-        if remaining % _CANDIDATE_AGE == settle_passes % _CANDIDATE_AGE or candidates is None:
-            candidates = list_candidates(thinned, slots)
-        tally = tally_units(thinned, slots, candidates)
+    thinned = _thin_level(level, 2 * _SAMPLES_PER_UNIT * capacity, rng)
+    candidates = _list_candidates(thinned, slots)
+    for done in range(_SETTLE_PASSES):
+        if done and done % _CANDIDATE_AGE == 0:
+            candidates = _list_candidates(thinned, slots)
+        tally = _tally_units(thinned, slots, candidates)
         slots[num_held:] = tally.means[num_held:]
-        if remaining:
-            _insert(slots, tally, num_units, num_units, split_radius, num_held)
+        if done < _SETTLE_PASSES - 1:
+            _insert(slots, tally, num_units, num_units, num_held)
     return slots[:num_units]
 
 
-def list_candidates(level: Level, units: Float[np.ndarray, "U 3"]) -> Int[np.ndarray, "T C"]:
+def _list_candidates(level: Level, units: Float[np.ndarray, "U 3"]) -> Int[np.ndarray, "T C"]:
     """Return for every tile the units among which its winners are."""
     num_candidates = choose_num_candidates(level.tiles.order.size, len(units), 2)
     return find_candidates(level.tiles, units, max(2, num_candidates))[0]
 
 
-def tally_units(level: Level, units: Float[np.ndarray, "U 3"], candidates: Int[np.ndarray, "T C"]) -> Tally:
+def _tally_units(level: Level, units: Float[np.ndarray, "U 3"], candidates: Int[np.ndarray, "T C"]) -> Tally:
     """Count every sample of a level for its winner."""
     tally = _tally(level.tiles.samples, level.weights, level.spacings, units, candidates)
     return Tally(*(np.array(a) for a in tally))
@@ -136,13 +133,8 @@ def _tally(
     spacings: Float[jax.Array, "T S"],
     units: Float[jax.Array, "U 3"],
     candidates: Int[jax.Array, "T C"],
-) -> tuple[
-    Float[jax.Array, "U 3"],
-    Float[jax.Array, " U"],
-    Float[jax.Array, " U"],
-    Int[jax.Array, " U"],
-    Float[jax.Array, " U"],
-]:
+) -> tuple[jax.Array, ...]:
+    """Return the fields of a `Tally`."""
     capacity = len(units)
     winners, squared = search_tiles(samples, units, candidates, 2)
     first, second = winners[..., 0].ravel(), winners[..., 1].ravel()
@@ -164,14 +156,7 @@ def _tally(
     return means, counts, errors, by_error[worst], sums[:, 2] * share
 
 
-def _insert(
-    slots: Float[np.ndarray, "S 3"],
-    tally: Tally,
-    num_units: int,
-    wanted: int,
-    split_radius: float,
-    num_held: int,
-) -> int:
+def _insert(slots: Float[np.ndarray, "S 3"], tally: Tally, num_units: int, wanted: int, num_held: int) -> int:
     """Put new units between those of largest error and their worst neighbors.
 
     Units that won nothing take part as if they were new. A new unit stays within the cell it relieves, so
@@ -182,7 +167,7 @@ def _insert(
     if len(free) == 0:
         return num_units
     errors, counts = tally.errors[:num_units], tally.counts[:num_units]
-    is_splittable = errors >= counts * (split_radius * tally.spacings[:num_units]) ** 2
+    is_splittable = errors >= counts * (_SPLIT_RADIUS * tally.spacings[:num_units]) ** 2
     is_splittable &= errors > 0
     is_splittable[:num_held] = False
     split = np.argsort(np.where(is_splittable, -errors, np.inf), kind="stable")[: len(free)]

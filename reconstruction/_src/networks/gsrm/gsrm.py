@@ -14,18 +14,18 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.rows import sum_rows
-from reconstruction._src.knowledge.changes.free_space import widen
+from reconstruction._src.geometry.manifold import widen
+from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, sum_rows
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
-from reconstruction._src.networks.gsrm.completion import MAX_SHARE, PASSES, SAMPLES_PER_UNIT, find_uncovered
 from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
 from reconstruction._src.networks.gsrm.support import make_support
 from reconstruction._src.networks.gsrm.topology import learn_faces
-from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.density import Density, measure_density
 from reconstruction._src.networks.som.winners import Tiles, make_tiles, search_all
 from reconstruction._src.networks.surface_fit import fit_surface
@@ -37,22 +37,29 @@ _FREE_RINGS = 1  # Units within this many rings of a changed one grow again with
 _COVER = 1.25  # A sample farther than this many spacings of the held units from all old ones is uncovered
 
 
-_GROWTH = 2.0  # Factor on the number of units in one round
 _START_SHARE = 0.25  # Share of the units that are drawn among the samples, the others grow; at least three
-_SAMPLES_PER_UNIT = 8
-"""Samples of a round, for each unit wanted; settling uses twice as many, topology and the final fit all."""
-_SETTLE_PASSES = 4  # Passes of all units through their samples once they are complete
 _START_DISTANCE = 1.4
 """In an uneven cloud no unit starts nearer to another than this many sample spacings; with less, scan lines
 get too many units."""
 _START_NEIGHBORS = 8  # Nearest units from which a starting unit keeps that distance
-_SPLIT_RADIUS = 1.05
-"""A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole. Units of a
-hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing."""
 _DENSE_FIT = 40  # From this many samples a unit on, the mesh is first fitted to few of them
 _COARSE_SAMPLES = 24  # Samples a unit of that first fit: creases need iterations, accuracy needs samples
 _COARSE_ITERATIONS = 3  # Iterations of that first fit
-_SURFACE_FIT = FitConfig()  # How the mesh is fitted to the samples at the end
+_PASSES = 2  # How often the rest is looked for; 0: never
+_SPACING_NEIGHBORS = 8  # Samples around a sample that measure its spacing
+_COMPLETION_GAP = 2.5
+"""A sample farther than this from every face is uncovered. Lower, and what stands off by noise is covered
+twice; higher, and strips along the rims of the surface stay bare."""
+_EDGE_SHARE = 0.75
+"""Nor is it uncovered nearer than this share of the mean edge of the map: faces cut corners."""
+_LINK = 3.0  # Uncovered samples nearer to one another than this are one group
+_MIN_SAMPLES = 12  # A smaller group is stray: mixed pixels, insects, dust
+_FLATNESS = 0.06
+"""Least variance over the largest of a sample and its neighbors, below which they are flat; of samples that
+fill space it is 0.1 to 0.5."""
+_FLAT_SHARE = 0.35  # A group of which a smaller share of the samples is flat fills space: no surface
+_REST_SAMPLES = 4.0  # Samples of such a group for each new unit. They are sparse, so fewer than usual.
+_MAX_SHARE = 0.25  # The most new units in all, as a share of those wanted
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,7 @@ class State(NamedTuple):
 
     units: Float[np.ndarray, "U 3"]  # reference vectors [m]; each has a face
     # unit indices: an oriented two-manifold (in paper mode: whatever the rules give)
-    faces: Int[np.ndarray, "F 3"]
+    faces: Faces
 
 
 class Old(NamedTuple):
@@ -92,11 +99,7 @@ class Old(NamedTuple):
 
 
 def train(
-    points: Float[np.ndarray, "N 3"],
-    config: GSRMConfig,
-    seed: int = 0,
-    progress: Progress = silent,
-    old: Old | None = None,
+    points: Points, config: GSRMConfig, seed: int = 0, progress: Progress = silent, old: Old | None = None
 ) -> State:
     """Grow a map over the points."""
     rng = np.random.default_rng(seed)
@@ -122,7 +125,7 @@ def train(
 def train_again(
     state: State,
     is_changed: Bool[np.ndarray, " U"],
-    points: Float[np.ndarray, "N 3"],
+    points: Points,
     config: GSRMConfig,
     seed: int = 0,
     progress: Progress = silent,
@@ -136,12 +139,8 @@ def train_again(
 
 
 def _train_batch(
-    samples: Float[np.ndarray, "N 3"],
-    old: Old | None,
-    config: GSRMConfig,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
+    samples: Points, old: Old | None, config: GSRMConfig, rng: np.random.Generator, progress: Progress
+) -> tuple[Float[np.ndarray, "U 3"], Faces]:
     """Grow, learn the topology, fit; all in units of the cloud's size."""
     progress("sort the samples", 0.0)
     tiles = make_tiles(samples)
@@ -158,11 +157,7 @@ def _train_batch(
 
 
 def _grow(
-    tiles: Tiles,
-    density: Density,
-    old: Old | None,
-    num_units: int,
-    rng: np.random.Generator,
+    tiles: Tiles, density: Density, old: Old | None, num_units: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "U 3"]:
     """Grow a number of units over the samples; between held ones, as many as make the map as dense as these."""
     samples, weights = tiles.tree.data.astype(np.float32), density.weights
@@ -178,37 +173,33 @@ def _grow(
         if num_units == 0:
             return held
     start = _draw_start(samples, density._replace(weights=weights), num_units, rng)
-    return grow(
-        make_level(tiles, density),
-        np.concatenate([held, start]),
-        len(held) + num_units,
-        num_held=len(held),
-        growth=_GROWTH,
-        samples_per_unit=_SAMPLES_PER_UNIT,
-        settle_passes=_SETTLE_PASSES,
-        split_radius=_SPLIT_RADIUS,
-        rng=rng,
-    )
+    units = np.concatenate([held, start])
+    return grow(make_level(tiles, density), units, len(held) + num_units, rng, num_held=len(held))
 
 
-def _count_cells(samples: Float[np.ndarray, "N 3"], width: float) -> int:
+def _count_cells(samples: Points, width: float) -> int:
     """Return how many cubes of a width hold a sample: in proportion to the area."""
     index = np.floor(samples / width).astype(np.int64)
     return len(np.unique(index @ np.array([1 << 42, 1 << 21, 1])))
 
 
 def _complete(
-    samples: Float[np.ndarray, "N 3"],
+    samples: Points,
     units: Float[np.ndarray, "U 3"],
-    faces: Int[np.ndarray, "F 3"],
+    faces: Faces,
     config: GSRMConfig,
     rng: np.random.Generator,
 ) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
-    """Return the surface with maps beside it that have grown over what it leaves uncovered (`completion`)."""
-    left = int(MAX_SHARE * config.units)
-    for _ in range(PASSES):
+    """Return the surface with maps beside it that have grown over what it leaves uncovered.
+
+    Samples that are sparse against the rest (a far wall, what is seen through a door) may count as outliers, their
+    faces as debris, or their units may be too few to see one another. Such groups are a surface of their own: a map
+    grows over them alone, where they are the rule.
+    """
+    left = int(_MAX_SHARE * config.units)
+    for _ in range(_PASSES):
         rest = samples[find_uncovered(samples, units, faces)]
-        number = min(left, int(len(rest) / SAMPLES_PER_UNIT))
+        number = min(left, int(len(rest) / _REST_SAMPLES))
         if number < _MIN_MAP:
             break
         tiles = make_tiles(rest)
@@ -224,10 +215,7 @@ def _complete(
 
 
 def _draw_start(
-    samples: Float[np.ndarray, "N 3"],
-    density: Density,
-    num_units: int,
-    rng: np.random.Generator,
+    samples: Points, density: Density, num_units: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "U 3"]:
     """Draw the first units among the samples, fewer than the share of them where samples are too sparse."""
     number = max(3, int(_START_SHARE * num_units))
@@ -244,7 +232,7 @@ def _draw_start(
 
 def _learn_surface(
     level: Level, units: Float[np.ndarray, "U 3"], old: Old | None, progress: Progress
-) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "F 3"]]:
+) -> tuple[Float[np.ndarray, "W 3"], Faces]:
     """Join finished units by faces and fit these to the samples."""
     winners = search_all(level.tiles, units, 3)
     is_used = level.weights > 0
@@ -252,23 +240,22 @@ def _learn_surface(
     faces = learn_faces(units, winners[is_used], support, None if old is None else old.faces)
     if len(faces) == 0:
         return units, faces
-    used, flat = np.unique(faces, return_inverse=True)
+    used = np.unique(faces)
     place = np.full(len(units), -1, dtype=np.int32)
     place[used] = np.arange(len(used), dtype=np.int32)
-    units, faces = units[used].astype(np.float64), flat.reshape(-1, 3)
+    units, faces = units[used].astype(np.float64), place[faces].astype(np.int64)
     progress("fit the surface", 0.8)
     first = place[winners[..., 0]]
     is_used &= first >= 0
     samples, weights = level.tiles.samples[is_used], level.weights[is_used]
     is_movable = None if old is None else used >= len(old.held)
-    units, faces = _fit(units, faces, samples, first[is_used], weights, is_movable)
-    return units, faces
+    return _fit(units, faces, samples, first[is_used], weights, is_movable)
 
 
 def _fit(
     units: Float[np.ndarray, "U 3"],
-    faces: Int[np.ndarray, "F 3"],
-    samples: Float[np.ndarray, "N 3"],
+    faces: Faces,
+    samples: Points,
     winners: Int[np.ndarray, " N"],
     weights: Float[np.ndarray, " N"],
     is_movable: Bool[np.ndarray, " U"] | None,
@@ -289,7 +276,54 @@ def _fit(
             winners=winners[::stride],
             weights=weights[::stride],
             is_movable=is_movable,
-            config=_SURFACE_FIT,
         )
         faces = flip_edges(units, faces)
     return untangle(units, faces)
+
+
+def find_uncovered(samples: Points, vertices: Vertices, faces: Faces) -> Bool[np.ndarray, " N"]:
+    """Return which samples belong to a group that no face covers."""
+    import igl
+
+    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+    squared = np.asarray(igl.point_mesh_squared_distance(samples.astype(np.float64), vertices, faces)[0])
+    corners = vertices[faces]
+    edge = compute_lengths(corners - np.roll(corners, 1, axis=1)).mean()
+    far = np.flatnonzero(squared > (_EDGE_SHARE * edge) ** 2)
+    is_uncovered = np.zeros(len(samples), dtype=bool)
+    num_neighbors = min(_SPACING_NEIGHBORS, len(samples) - 1)
+    if len(far) < _MIN_SAMPLES:
+        return is_uncovered
+    distances, neighbors = cKDTree(samples).query(samples[far], k=num_neighbors + 1)
+    spacing = distances[:, -1] * np.sqrt(np.pi / num_neighbors)
+    is_far = squared[far] > (_COMPLETION_GAP * spacing) ** 2
+    is_flat = _compute_flatness(samples[neighbors[is_far]]) < _FLATNESS
+    far = far[is_far]
+    is_uncovered[far] = _find_groups(samples[far], spacing[is_far], is_flat)
+    return is_uncovered
+
+
+def _find_groups(
+    samples: Points, spacing: Float[np.ndarray, " N"], is_flat: Bool[np.ndarray, " N"]
+) -> Bool[np.ndarray, " N"]:
+    """Return which samples are in a group that is large and flat enough."""
+    if len(samples) < _MIN_SAMPLES:
+        return np.zeros(len(samples), dtype=bool)
+    distances, others = cKDTree(samples).query(samples, k=_MIN_SAMPLES)
+    is_near = distances <= _LINK * spacing[:, None]
+    first = np.broadcast_to(np.arange(len(samples))[:, None], others.shape)[is_near]
+    graph = coo_array((np.ones(len(first)), (first, others[is_near])), shape=(len(samples), len(samples)))
+    group = connected_components(graph, directed=False)[1]
+    size = np.bincount(group)
+    is_surface = np.bincount(group, is_flat) >= _FLAT_SHARE * size
+    for number in np.flatnonzero((size >= _MIN_SAMPLES) & ~is_surface):
+        # Where noise exceeds the spacing, only the whole group shows that it is flat.
+        is_surface[number] = _compute_flatness(samples[None, group == number])[0] < _FLATNESS
+    return (is_surface & (size >= _MIN_SAMPLES))[group]
+
+
+def _compute_flatness(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, " M"]:
+    """Return the least variance of neighborhoods over their largest."""
+    offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
+    variance = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)
+    return variance[:, 0] / np.maximum(variance[:, 2], 1e-300)

@@ -10,7 +10,7 @@ References:
 import itertools
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from reconstruction._src.geometry.manifold import (
     compute_vertex_normals,
@@ -19,86 +19,78 @@ from reconstruction._src.geometry.manifold import (
     find_loops,
     group_sides,
 )
-from reconstruction._src.geometry.rows import compute_lengths, cross_rows, sum_rows
-from reconstruction._src.networks.gsrm.support import (
-    MAX_FOLDED,
-    MAX_HOLE_EDGES,
-    MAX_TIP_EDGES,
-    MAX_VOID,
-    MIN_PATCH_COVER,
-    REVERSED_COST,
-    RIM_COSINE,
-    Support,
-)
+from reconstruction._src.geometry.rows import Faces, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.networks.gsrm.support import MAX_VOID, Support
+
+_MAX_HOLE_EDGES = 24  # Longer boundary loops are the boundary of the surface, not holes
+_MAX_TIP_EDGES = 64  # Longer loops are not tested for sharp tips and ridges
+_RIM_COSINE = -0.5
+"""A loop whose area vector lies against the normals next to it by more than this cosine runs around a piece of
+surface and not around a gap in it."""
+_MAX_FOLDED = 0.3
+"""A patch of which a larger share of the faces is folded back is a second layer of the surface."""
+_REVERSED_COST = 10.0
+"""Cost of a face that lies against the surface around it; well-shaped faces cost 0.5, slivers 1."""
+_MIN_PATCH_COVER = 0.75
+"""Likewise for the patches of longer loops, which may reach far: with less, a hole in the data would be
+covered."""
 
 
 def patch_holes(
-    units: Float[np.ndarray, "U 3"],
-    faces: Int[np.ndarray, "F 3"],
-    support: Support,
-    max_edges: int | None = None,
+    units: Float[np.ndarray, "U 3"], faces: Faces, support: Support
 ) -> tuple[Int[np.ndarray, "G 3"], Int[np.ndarray, " D"]]:
-    """Triangulate the boundary loops of at most `max_edges` edges that lie where there are samples."""
-    max_edges = MAX_HOLE_EDGES if max_edges is None else max_edges
-    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= max_edges)
+    """Triangulate short boundary loops that lie where there are samples; return what is in the way of the others."""
+    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= _MAX_HOLE_EDGES)
     normals = compute_vertex_normals(units, faces)
-    loops = [loop for loop in loops if _is_hole(units[loop], normals[loop])]
+    # A loop around a gap in the surface, not around a piece of it, looks where the normals next to it point.
+    loops = [loop for loop in loops if _compute_area(units[loop]) @ normals[loop].sum(axis=0) > 0]
     if not loops:
         return faces, np.empty(0, dtype=np.int64)
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
-    costs = _rate_triangles(loops, units, normals, REVERSED_COST)
-    patches = [
-        (loop, _triangulate(loop, cost, neighbors, REVERSED_COST))
-        for loop, cost in zip(loops, costs, strict=True)
-    ]
+    costs = _rate_triangles(loops, units, normals)
+    patches = [(loop, _triangulate(loop, cost, neighbors)) for loop, cost in zip(loops, costs, strict=True)]
     closed = [np.array(patch) for _, patch in patches if patch]
     blocked = [loop for loop, patch in patches if not patch]
     if closed:
-        is_supported = _find_supported(units, closed, support)
-        patched = np.concatenate(
-            [faces, *(patch for patch, is_kept in zip(closed, is_supported, strict=True) if is_kept)]
-        )
+        added = np.concatenate(closed)
+        owner = np.repeat(np.arange(len(closed)), [len(patch) for patch in closed])
+        void = np.bincount(owner, support.measure_void(units[added]))
+        patched = np.concatenate([faces, added[void[owner] <= MAX_VOID]])
     else:
         patched = faces
     return patched, _find_obstacles(faces, blocked)
 
 
-def close_tips(
-    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
-) -> Int[np.ndarray, "G 3"]:
+def close_tips(units: Float[np.ndarray, "U 3"], faces: Faces, support: Support) -> Int[np.ndarray, "G 3"]:
     """Close what is left of longer holes, and of sharp tips and ridges, whose two sides face apart."""
-    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= MAX_TIP_EDGES)
+    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= _MAX_TIP_EDGES)
     if not loops:
         return faces
     normals = compute_vertex_normals(units, faces)
     normals /= np.maximum(compute_lengths(normals)[..., None], 1e-300)
-    loops = [loop for loop in loops if _compute_outlook(units[loop], normals[loop]) > RIM_COSINE]
+    loops = [loop for loop in loops if _compute_outlook(units[loop], normals[loop]) > _RIM_COSINE]
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
     added = []
     for loop in loops:
-        costs = _rate_triangles([loop], units, normals, REVERSED_COST)[0]
-        patch = np.array(_triangulate(loop, costs, neighbors, REVERSED_COST))
+        costs = _rate_triangles([loop], units, normals)[0]
+        patch = np.array(_triangulate(loop, costs, neighbors))
         if len(patch) == 0:
             continue
-        void = support.measure_void(units[patch], MIN_PATCH_COVER).sum()
-        if void <= MAX_VOID and not _is_second_layer(units, faces, loop, patch, MAX_FOLDED):
+        void = support.measure_void(units[patch], _MIN_PATCH_COVER).sum()
+        if void <= MAX_VOID and not _is_second_layer(units, faces, loop, patch):
             added.append(patch)
     return np.concatenate([faces, *added])
 
 
 def _is_second_layer(
-    units: Float[np.ndarray, "U 3"],
-    faces: Int[np.ndarray, "F 3"],
-    loop: list[int],
-    patch: Int[np.ndarray, "P 3"],
-    max_folded: float,
+    units: Float[np.ndarray, "U 3"], faces: Faces, loop: list[int], patch: Int[np.ndarray, "P 3"]
 ) -> bool:
     """Return whether more than a share of a patch's faces is folded back onto the surface next to its loop."""
     adjacent = faces[np.isin(faces, loop).sum(axis=1) >= 2]
     around = np.concatenate([adjacent, patch])
     hinges = find_hinges(around, group_sides(around, len(units)))
     folded = find_folds(units, around, hinges, np.arange(len(around), 0.0, -1))
-    return bool((folded >= len(adjacent)).sum() > max_folded * len(patch))
+    return bool((folded >= len(adjacent)).sum() > _MAX_FOLDED * len(patch))
 
 
 def _compute_outlook(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> float:
@@ -107,30 +99,13 @@ def _compute_outlook(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndar
     return float(area @ normals.mean(axis=0) / max(float(np.linalg.norm(area)), 1e-300))
 
 
-def _is_hole(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> bool:
-    """Return whether a loop runs around a gap in the surface and not around a piece of it.
-
-    The loop's own area vector, whatever its triangulation, then points where the surface's normals point.
-    """
-    return bool(_compute_area(positions) @ normals.sum(axis=0) > 0)
-
-
 def _compute_area(positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " 3"]:
     """Return twice the area vector of a loop."""
     offset = positions - positions[0]
     return cross_rows(offset[1:-1], offset[2:]).sum(axis=0)
 
 
-def _find_supported(
-    units: Float[np.ndarray, "U 3"], patches: list[np.ndarray], support: Support
-) -> Bool[np.ndarray, " P"]:
-    """Return which patches lie on samples."""
-    faces = np.concatenate(patches)
-    owner = np.repeat(np.arange(len(patches)), [len(patch) for patch in patches])
-    return np.bincount(owner, support.measure_void(units[faces])) <= MAX_VOID
-
-
-def _find_obstacles(faces: Int[np.ndarray, "F 3"], loops: list[list[int]]) -> Int[np.ndarray, " D"]:
+def _find_obstacles(faces: Faces, loops: list[list[int]]) -> Int[np.ndarray, " D"]:
     """Return the faces that join corners of one loop across it; else those around the loop."""
     obstacles = []
     for loop in loops:
@@ -150,7 +125,7 @@ def _find_obstacles(faces: Int[np.ndarray, "F 3"], loops: list[list[int]]) -> In
     return np.unique(np.array(obstacles, dtype=np.int64))
 
 
-def _find_neighbors(faces: Int[np.ndarray, "F 3"], wanted: set[int]) -> dict[int, set[int]]:
+def _find_neighbors(faces: Faces, wanted: set[int]) -> dict[int, set[int]]:
     """Return the neighbors of the wanted vertices."""
     near = faces[np.isin(faces, np.array(sorted(wanted))).any(axis=1)]
     neighbors: dict[int, set[int]] = {vertex: set() for vertex in wanted}
@@ -162,7 +137,7 @@ def _find_neighbors(faces: Int[np.ndarray, "F 3"], wanted: set[int]) -> dict[int
 
 
 def _triangulate(
-    loop: list[int], costs: list[list[list[float]]], neighbors: dict[int, set[int]], reversed_cost: float
+    loop: list[int], costs: list[list[list[float]]], neighbors: dict[int, set[int]]
 ) -> list[tuple[int, int, int]]:
     """Find the triangulation of a loop with the best-shaped faces, by dynamic programming.
 
@@ -182,7 +157,7 @@ def _triangulate(
                 if best[i, j][0] + best[j, k][0] < np.inf
             ]
             best[i, k] = min(options) if options and is_chord[i][k] else (np.inf, -1)
-    if best[0, size - 1][0] >= reversed_cost * (size - 2):
+    if best[0, size - 1][0] >= _REVERSED_COST * (size - 2):
         return []
     faces, stack = [], [(0, size - 1)]
     while stack:
@@ -195,10 +170,7 @@ def _triangulate(
 
 
 def _rate_triangles(
-    loops: list[list[int]],
-    units: Float[np.ndarray, "U 3"],
-    normals: Float[np.ndarray, "U 3"],
-    reversed_cost: float,
+    loops: list[list[int]], units: Float[np.ndarray, "U 3"], normals: Float[np.ndarray, "U 3"]
 ) -> list:
     """Return for every loop the cost of the triangles between its n corners, `[n, n, n]`.
 
@@ -219,7 +191,7 @@ def _rate_triangles(
         )
         outlook = sum_rows(cross_rows(side, other) * (up[:, i] + up[:, j] + up[:, k]))
         costs = np.zeros((len(places), size, size, size))
-        costs[:, i, j, k] = np.where(outlook > 0, cosine, cosine + reversed_cost)
+        costs[:, i, j, k] = np.where(outlook > 0, cosine, cosine + _REVERSED_COST)
         for place, cost in zip(places, costs.tolist(), strict=True):
             rated[place] = cost
     return rated

@@ -16,28 +16,10 @@ MAX_VOID = 6.0
 `gap`."""
 _MIN_COVER = 0.2
 """A face over which this share of the expected samples lies cuts a corner of the surface and has no void."""
-MIN_PATCH_COVER = 0.75
-"""Likewise for the patches of `max_tip_edges`, which may reach far: with less, a hole in the data would be
-covered."""
-FEW_SAMPLES = 10
+_FEW_SAMPLES = 10
 """A unit that wins fewer samples may not see all its edges; places between it and its neighbors then count as
 samples where there are samples near them."""
 NUM_NEIGHBORS = 6  # Nearest units to which such a unit may be joined; six in a regular map
-RIM_NEIGHBORS = 24  # Likewise at the boundary (the rim) of a component, between components
-MAX_HOLE_EDGES = 24  # Longer boundary loops are the boundary of the surface, not holes
-MAX_TIP_EDGES = 64  # Longer loops are not tested for sharp tips and ridges
-RIM_COSINE = -0.5
-"""A loop whose area vector lies against the normals next to it by more than this cosine runs around a piece of
-surface and not around a gap in it."""
-MAX_FOLDED = 0.3
-"""A patch of which a larger share of the faces is folded back is a second layer of the surface."""
-REVERSED_COST = 10.0
-"""Cost of a face that lies against the surface around it; well-shaped faces cost 0.5, slivers 1."""
-MIN_COMPONENT = 6  # Components of fewer faces are debris, where another is `debris_ratio` times as large
-DEBRIS_RATIO = 50  # See `min_component`
-MAX_REPAIRS = 6  # Rounds in which faces around a hole that cannot be closed are removed to close a larger one
-
-
 _PLACES = (
     np.array([[4, 4, 4], [8, 2, 2], [2, 8, 2], [2, 2, 8], [2, 5, 5], [5, 2, 5], [5, 5, 2]], dtype=np.float64)
     / 12
@@ -49,27 +31,19 @@ class Support:
     """The samples, prepared for queries whether they support a face.
 
     Attributes:
-        config: what decides that.
         is_uneven: whether the cloud's density varies, as scan lines' does.
     """
 
-    def __init__(
-        self,
-        tree: cKDTree,
-        spacings: Float[np.ndarray, " N"],
-        *,
-        is_uneven: bool = False,
-    ) -> None:
+    def __init__(self, tree: cKDTree, spacings: Float[np.ndarray, " N"], is_uneven: bool = False) -> None:
         """Keep the samples."""
         self._tree = tree
         self._spacings = np.maximum(spacings, np.finfo(float).tiny ** 0.25)  # samples may coincide
         self.is_uneven = is_uneven
 
     def measure_void(
-        self, corners: Float[np.ndarray, "F 3 3"], min_cover: float | None = None
+        self, corners: Float[np.ndarray, "F 3 3"], min_cover: float = _MIN_COVER
     ) -> Float[np.ndarray, " F"]:
         """Return how much of each face is far from all samples, in squared spacings."""
-        min_cover = _MIN_COVER if min_cover is None else min_cover
         places = np.einsum("pk,fki->fpi", _PLACES, corners)
         distances, nearest = self._tree.query(places)
         is_void = distances > _TOPOLOGY_GAP * self._spacings[nearest]
@@ -99,11 +73,7 @@ class Support:
         return int(((share >= 0).all(axis=0) & (share.sum(axis=0) <= 1)).sum())
 
 
-def make_support(
-    level: Level,
-    units: Float[np.ndarray, "U 3"],
-    winners: Int[np.ndarray, "T S"],
-) -> Support:
+def make_support(level: Level, units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "T S"]) -> Support:
     """Prepare the samples of a level for queries; outliers support nothing.
 
     Where units win few samples each, the scan lines are about as far apart as the units: there a gap of two
@@ -111,7 +81,7 @@ def make_support(
     """
     is_used = level.weights > 0
     spacings = level.spacings
-    sparse = find_sparse(winners[is_used], len(units), FEW_SAMPLES)
+    sparse = find_sparse(winners[is_used], len(units))
     if len(sparse):
         distances, _ = cKDTree(units).query(units[sparse], k=min(NUM_NEIGHBORS, len(units) - 1) + 1)
         widest = np.zeros(len(units))
@@ -121,11 +91,11 @@ def make_support(
     if is_used[level.tiles.is_real].all():
         by_sample = np.empty(level.tiles.tree.n)
         by_sample[level.tiles.order[is_used]] = spacings[is_used]
-        return Support(level.tiles.tree, by_sample, is_uneven=is_uneven)
-    return Support(cKDTree(level.tiles.samples[is_used]), spacings[is_used], is_uneven=is_uneven)
+        return Support(level.tiles.tree, by_sample, is_uneven)
+    return Support(cKDTree(level.tiles.samples[is_used]), spacings[is_used], is_uneven)
 
 
-def find_sparse(winners: Int[np.ndarray, " N"], num_units: int, few_samples: int) -> Int[np.ndarray, " C"]:
-    """Return the units that win samples, but fewer than `few_samples`: too few to see all their edges."""
+def find_sparse(winners: Int[np.ndarray, " N"], num_units: int) -> Int[np.ndarray, " C"]:
+    """Return the units that win samples, but too few to see all their edges."""
     counts = np.bincount(winners, minlength=num_units)
-    return np.flatnonzero((counts > 0) & (counts < few_samples))
+    return np.flatnonzero((counts > 0) & (counts < _FEW_SAMPLES))

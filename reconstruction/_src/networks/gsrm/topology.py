@@ -14,22 +14,23 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import group_sides, is_in_sorted, make_manifold
-from reconstruction._src.geometry.orientation import compute_components
-from reconstruction._src.geometry.rows import compute_lengths, sum_rows
-from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
-from reconstruction._src.networks.gsrm.support import (
-    DEBRIS_RATIO,
-    FEW_SAMPLES,
-    MAX_REPAIRS,
-    MAX_VOID,
-    MIN_COMPONENT,
-    NUM_NEIGHBORS,
-    RIM_NEIGHBORS,
-    Support,
-    find_sparse,
+from reconstruction._src.geometry.manifold import (
+    find_border_vertices,
+    group_sides,
+    is_in_sorted,
+    make_manifold,
 )
+from reconstruction._src.geometry.orientation import compute_components
+from reconstruction._src.geometry.rows import Faces, compute_lengths, sum_rows
+from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
+from reconstruction._src.networks.gsrm.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
 
+_RIM_NEIGHBORS = 24  # Likewise `NUM_NEIGHBORS`, at the boundary (the rim) of a component, between components
+_MIN_COMPONENT = 6  # Components of fewer faces are debris, where another is `_DEBRIS_RATIO` times as large
+_DEBRIS_RATIO = 50  # See `_MIN_COMPONENT`
+_MAX_REPAIRS = (
+    6  # Rounds in which faces around a hole that cannot be closed are removed to close a larger one
+)
 _EMPTINESS_SLACK = 1e-5  # Share of the squared radius by which float32 may misplace a neighbor on the ball
 _FLATNESS = 1e-10
 """A face whose squared area is a smaller share of its squared sides has no circumscribed circle in float64."""
@@ -40,42 +41,38 @@ def learn_faces(
     winners: Int[np.ndarray, "N 3"],
     support: Support,
     known: Int[np.ndarray, "K 3"] | None = None,
-) -> Int[np.ndarray, "F 3"]:
+) -> Faces:
     """Return the faces of an oriented two-manifold between the units."""
     units = np.asarray(units, dtype=np.float64)
-    faces, margin = propose_faces(units, winners, support)
+    faces, margin = _propose_faces(units, winners, support)
     if known is not None:
-        is_new = ~lies_on_full(faces, known, len(units))
+        is_new = ~_lies_on_full(faces, known, len(units))
         is_new &= ~np.isin(_key(faces.astype(np.int64), len(units)), _key(known.astype(np.int64), len(units)))
         margin = np.concatenate([np.full(len(known), np.inf), margin[is_new]])
         faces = np.concatenate([known, faces[is_new]])
-    faces = finish_faces(units, faces, margin, support)
+    faces = _finish_faces(units, faces, margin, support)
     return join_components(units, faces, support) if support.is_uneven and len(faces) else faces
 
 
-def propose_faces(
+def _propose_faces(
     units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "N 3"], support: Support
-) -> tuple[Int[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
-    """Return the faces that the samples witness, and how empty their balls are.
-
-    Arguments as of `learn_faces`. The faces are not a manifold yet.
-    """
+) -> tuple[Faces, Float[np.ndarray, " F"]]:
+    """Return the faces that the samples witness, no manifold yet, and how empty their balls are."""
     triples = find_triples(winners, len(units))
-    sparse = find_sparse(winners[:, 0], len(units), FEW_SAMPLES)
-    num_neighbors = NUM_NEIGHBORS
+    sparse = find_sparse(winners[:, 0], len(units))
     if len(sparse):
-        triples = _witness_midpoints(units, triples, sparse, support, num_neighbors)
+        triples = _witness_midpoints(units, triples, sparse, support, NUM_NEIGHBORS)
     faces, margin = _propose(units, triples, support)
     if support.is_uneven:
         # Between scan lines farther apart than the units on them no sample sees both sides.
-        border = find_border(faces, len(units))
-        triples = _witness_midpoints(units, triples, border, support, num_neighbors)
+        border = _find_border(faces, len(units))
+        triples = _witness_midpoints(units, triples, border, support, NUM_NEIGHBORS)
         faces, margin = _propose(units, triples, support)
     return faces, margin
 
 
 def join_components(
-    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
+    units: Float[np.ndarray, "U 3"], faces: Faces, support: Support
 ) -> Int[np.ndarray, "G 3"]:
     """Return the faces and those that close gaps between their components, where samples lie in these.
 
@@ -87,22 +84,20 @@ def join_components(
     part[faces] = num_units + compute_components(faces, num_units)[:, None]
     if part.max() == num_units:
         return faces
-    border = find_border(faces, num_units)
+    border = _find_border(faces, num_units)
     known = _sorted_unique(_key(faces[np.isin(faces, border).any(axis=1)].astype(np.int64), num_units))
-    triples = _witness_midpoints(units, known, border, support, RIM_NEIGHBORS)
+    triples = _witness_midpoints(units, known, border, support, _RIM_NEIGHBORS)
     proposed, margin = _propose(units, triples, support)
     is_new = np.ptp(part[proposed], axis=1) > 0
-    is_new &= ~lies_on_full(proposed, faces, num_units)
+    is_new &= ~_lies_on_full(proposed, faces, num_units)
     is_new[is_new] = support.measure_void(units[proposed[is_new]]) <= MAX_VOID
     if not is_new.any():
         return faces
     quality = np.concatenate([np.full(len(faces), np.inf), margin[is_new]])
-    return finish_faces(units, np.concatenate([faces, proposed[is_new]]), quality, support)
+    return _finish_faces(units, np.concatenate([faces, proposed[is_new]]), quality, support)
 
 
-def lies_on_full(
-    proposed: Int[np.ndarray, "P 3"], faces: Int[np.ndarray, "F 3"], num_units: int
-) -> Bool[np.ndarray, " P"]:
+def _lies_on_full(proposed: Int[np.ndarray, "P 3"], faces: Faces, num_units: int) -> Bool[np.ndarray, " P"]:
     """Return which proposed faces have a side that lies between two faces already."""
     sides = group_sides(faces, num_units)
     others = np.roll(proposed, -1, axis=1)
@@ -118,14 +113,14 @@ def _witness_midpoints(
     num_neighbors: int,
 ) -> Int[np.ndarray, " L"]:
     """Return the keys with those that places between the selected units and their neighbors witness as well."""
-    midpoints = compute_midpoints(units, selected, num_neighbors)
+    midpoints = _compute_midpoints(units, selected, num_neighbors)
     added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
     return _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
 
 
 def _propose(
     units: Float[np.ndarray, "U 3"], triples: Int[np.ndarray, " K"], support: Support
-) -> tuple[Int[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
+) -> tuple[Faces, Float[np.ndarray, " F"]]:
     """Return the faces of witnessed edges that are empty and lie on samples, and their margins."""
     edges, cliques = find_cliques(triples, len(units))
     empty, margin = find_empty(units, cliques, edges)
@@ -136,43 +131,34 @@ def _propose(
     return faces[is_kept], margin[is_kept]
 
 
-def find_border(faces: Int[np.ndarray, "F 3"], num_units: int) -> Int[np.ndarray, " B"]:
+def _find_border(faces: Faces, num_units: int) -> Int[np.ndarray, " B"]:
     """Return the units at the end of an edge with one face, and those without a face."""
-    sides = group_sides(faces, num_units)
-    is_border = np.bincount(faces.ravel(), minlength=num_units) == 0
-    for ends in np.divmod(sides.keys[sides.counts == 1], num_units):
-        is_border[ends] = True
-    return np.flatnonzero(is_border)
+    is_bare = np.bincount(faces.ravel(), minlength=num_units) == 0
+    return np.flatnonzero(is_bare | find_border_vertices(faces, num_units))
 
 
-def finish_faces(
-    units: Float[np.ndarray, "U 3"],
-    faces: Int[np.ndarray, "F 3"],
-    quality: Float[np.ndarray, " F"],
-    support: Support,
+def _finish_faces(
+    units: Float[np.ndarray, "U 3"], faces: Faces, quality: Float[np.ndarray, " F"], support: Support
 ) -> Int[np.ndarray, "G 3"]:
     """Return an oriented two-manifold: of conflicting faces the better stay, holes are patched."""
     faces = make_manifold(units, faces, quality)
-    for _ in range(MAX_REPAIRS):
+    for _ in range(_MAX_REPAIRS):
         faces, obstacles = patch_holes(units, faces, support)
         if len(obstacles) == 0:
             break
         faces = np.delete(faces, obstacles, axis=0)
-        faces = make_manifold(units, faces, rate_faces(units, faces))
-    return drop_debris(close_tips(units, faces, support), len(units))
-
-
-def drop_debris(faces: Int[np.ndarray, "F 3"], num_units: int) -> Int[np.ndarray, "G 3"]:
-    """Return the faces without components of a few faces, where there are much larger ones."""
-    if len(faces) < DEBRIS_RATIO:
+        corners = units[faces]
+        perimeter = compute_lengths(corners - np.roll(corners, 1, axis=1)).sum(axis=1)
+        faces = make_manifold(units, faces, 1 / np.maximum(perimeter, 1e-300))
+    faces = close_tips(units, faces, support)
+    if len(faces) < _DEBRIS_RATIO:
         return faces
-    part = compute_components(faces, num_units)
+    part = compute_components(faces, len(units))
     sizes = np.bincount(part)
-    is_kept = (sizes >= MIN_COMPONENT) | (sizes * DEBRIS_RATIO > sizes.max())
-    return faces[is_kept[part]]
+    return faces[((sizes >= _MIN_COMPONENT) | (sizes * _DEBRIS_RATIO > sizes.max()))[part]]
 
 
-def compute_midpoints(
+def _compute_midpoints(
     units: Float[np.ndarray, "U 3"], selected: Int[np.ndarray, " C"], num_neighbors: int
 ) -> Float[np.ndarray, "P 3"]:
     """Return the places halfway between each selected unit and its nearest ones."""
@@ -188,9 +174,7 @@ def find_triples(winners: Int[np.ndarray, "N 3"], num_units: int) -> Int[np.ndar
     return _sorted_unique(_key(winners.astype(np.int64), num_units))
 
 
-def find_cliques(
-    triples: Int[np.ndarray, " K"], num_units: int
-) -> tuple[Int[np.ndarray, "E 2"], Int[np.ndarray, "F 3"]]:
+def find_cliques(triples: Int[np.ndarray, " K"], num_units: int) -> tuple[Int[np.ndarray, "E 2"], Faces]:
     """Return the witnessed edges and all triangles of them, both in ascending order."""
     c = triples % num_units
     a, b = np.divmod(triples // num_units, num_units)
@@ -209,7 +193,7 @@ def find_cliques(
 
 
 def find_empty(
-    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], edges: Int[np.ndarray, "E 2"]
+    units: Float[np.ndarray, "U 3"], faces: Faces, edges: Int[np.ndarray, "E 2"]
 ) -> tuple[Int[np.ndarray, " G"], Float[np.ndarray, " G"]]:
     """Find the faces whose circumscribed ball contains no neighbor of a corner."""
     table = _tabulate_neighbors(edges, len(units))
@@ -241,17 +225,9 @@ def compute_circumcenters(
     determinant = 2 * (d00 * d11 - d01 * d01)
     is_flat = determinant <= _FLATNESS * d00 * d11
     determinant = np.where(is_flat, 1, determinant)
-    offset = (d11 * (d00 - d01) / determinant)[:, None] * side + (d00 * (d11 - d01) / determinant)[
-        :, None
-    ] * other
+    along_side, along_other = d11 * (d00 - d01) / determinant, d00 * (d11 - d01) / determinant
+    offset = along_side[:, None] * side + along_other[:, None] * other
     return corners[:, 0] + offset, np.where(is_flat, np.inf, sum_rows(offset * offset))
-
-
-def rate_faces(units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
-    """Return how good each face is: short perimeter first, relative to the mean."""
-    corners = units[faces]
-    perimeter = compute_lengths(corners - np.roll(corners, 1, axis=1)).sum(axis=1)
-    return perimeter.mean() / np.maximum(perimeter, 1e-300) if len(faces) else perimeter
 
 
 def _tabulate_neighbors(edges: Int[np.ndarray, "E 2"], num_units: int) -> Int[np.ndarray, "U D"]:

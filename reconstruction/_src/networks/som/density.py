@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import compute_lengths, sum_rows
+from reconstruction._src.geometry.rows import Points, compute_lengths, sum_rows
 
 _STRIDE = 4
 """Where neighbors lie on one line, every fourth sample is used instead, and so on: the spacing doubles."""
@@ -54,7 +54,7 @@ class Density(NamedTuple):
 
 
 def measure_density(
-    samples: Float[np.ndarray, "N 3"], tree: cKDTree, rng: np.random.Generator, has_outliers: bool = True
+    samples: Points, tree: cKDTree, rng: np.random.Generator, has_outliers: bool = True
 ) -> Density:
     """Measure the spacing of the samples and, unless there are none, find outliers."""
     num_samples = len(samples)
@@ -71,7 +71,7 @@ def measure_density(
     return _measure_each(samples, has_outliers)
 
 
-def _has_thick_lines(samples: Float[np.ndarray, "N 3"], probes: Float[np.ndarray, "P 3"]) -> bool:
+def _has_thick_lines(samples: Points, probes: Float[np.ndarray, "P 3"]) -> bool:
     """Return whether scan lines come out among fewer samples: noise larger than their spacing had hidden them."""
     for stride in (_STRIDE**2, _STRIDE**3):
         few = _draw_few(samples, stride)
@@ -83,12 +83,12 @@ def _has_thick_lines(samples: Float[np.ndarray, "N 3"], probes: Float[np.ndarray
     return False
 
 
-def _draw_few(samples: Float[np.ndarray, "N 3"], stride: int) -> Float[np.ndarray, "F 3"]:
+def _draw_few(samples: Points, stride: int) -> Float[np.ndarray, "F 3"]:
     """Return one of `stride` samples; drawn, as every sixteenth of a scan may lie on one line itself."""
     return samples[np.random.default_rng(stride).integers(0, len(samples), len(samples) // stride)]
 
 
-def _measure_each(samples: Float[np.ndarray, "N 3"], has_outliers: bool) -> Density:
+def _measure_each(samples: Points, has_outliers: bool) -> Density:
     is_outlier = find_outliers(samples) if has_outliers else np.zeros(len(samples), dtype=bool)
     sound = samples[~is_outlier]
     tree = cKDTree(sound)
@@ -103,9 +103,7 @@ def _measure_each(samples: Float[np.ndarray, "N 3"], has_outliers: bool) -> Dens
 
 
 def _reach_beyond_lines(
-    samples: Float[np.ndarray, "N 3"],
-    reach: Float[np.ndarray, " N"],
-    neighbors: Int[np.ndarray, "N K"],
+    samples: Points, reach: Float[np.ndarray, " N"], neighbors: Int[np.ndarray, "N K"]
 ) -> Float[np.ndarray, " N"]:
     """Return how far it is to the farthest neighbor; where all lie on one scan line, among fewer samples."""
     is_lined = _is_line(samples[neighbors])
@@ -132,7 +130,7 @@ def _reach_beyond_lines(
     return reach
 
 
-def find_outliers(samples: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
+def find_outliers(samples: Points) -> Bool[np.ndarray, " N"]:
     """Return which samples belong to no surface.
 
     They are lonelier than their neighbors, or stand off the plane through them, or are sparse and fill space.
@@ -149,7 +147,7 @@ def find_outliers(samples: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
     return ~is_sound
 
 
-def _find_off(samples: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
+def _find_off(samples: Points) -> Bool[np.ndarray, " N"]:
     """Return which samples are outliers, each tested as if all others were none."""
     distances, neighbors = cKDTree(samples).query(samples, k=_PLANE_NEIGHBORS + 1, workers=-1)
     near = min(_NEAR, _PLANE_NEIGHBORS)

@@ -13,11 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.rows import compute_lengths
+from reconstruction._src.geometry.rows import Points, compute_lengths
 
 _PLACE_BITS = 7
 _PLACE_MASK = (1 << _PLACE_BITS) - 1
@@ -42,11 +40,11 @@ class Tiles(NamedTuple):
     tree: cKDTree  # a k-d tree of the samples, each once, in the order they came in
 
 
-def make_tiles(samples: Float[np.ndarray, "N 3"], tile_size: int = TILE_SIZE) -> Tiles:
-    """Halve the samples across their longest extent until at most `tile_size` share a tile."""
+def make_tiles(samples: Points) -> Tiles:
+    """Halve the samples across their longest extent until at most `TILE_SIZE` share a tile."""
     samples = np.ascontiguousarray(samples, dtype=np.float32)
     num_samples, num_tiles = len(samples), 1
-    while num_samples > tile_size * num_tiles:
+    while num_samples > TILE_SIZE * num_tiles:
         num_tiles *= 2
     step = _SLOT_STEP if num_tiles > 1 else _SMALL_SLOT_STEP
     num_slots = num_tiles * step * -(-num_samples // (num_tiles * step))
@@ -61,7 +59,7 @@ def make_tiles(samples: Float[np.ndarray, "N 3"], tile_size: int = TILE_SIZE) ->
     return Tiles(inside, order.astype(np.int32), leaves < num_samples, centers, tree)
 
 
-def _halve(positions: Float[np.ndarray, "N 3"], num_parts: int) -> Int[np.ndarray, "num_parts S"]:
+def _halve(positions: Points, num_parts: int) -> Int[np.ndarray, "num_parts S"]:
     """Return the indices of positions in parts of equal size; parts next to each other lie next to each other.
 
     (A tree's leaves would not do: where several positions share the median, its halves differ in size.)
@@ -140,21 +138,4 @@ def search_all(tiles: Tiles, units: Float[np.ndarray, "U 3"], k: int) -> Int[np.
     if is_doubtful.any():
         _, exact = cKDTree(units).query(tiles.samples[is_doubtful], k=k)
         winners[is_doubtful] = exact.reshape(-1, k)
-    return winners
-
-
-def find_winners(samples: ArrayLike, units: ArrayLike, k: int = 1) -> Int[np.ndarray, "N k"]:
-    """Find the k units nearest to each sample."""
-    samples, units = np.asarray(samples, dtype=np.float64), np.asarray(units, dtype=np.float64)
-    for name, array in (("samples", samples), ("units", units)):
-        if array.ndim != 2 or array.shape[1] != 3:
-            raise ReconstructionError(f"{name} must have the shape [n, 3], got {list(array.shape)}")
-    if not 1 <= k <= min(len(units), MAX_CANDIDATES):
-        raise ReconstructionError(f"k must lie between 1 and the number of units ({len(units)}), got {k}")
-    if len(samples) == 0:
-        return np.empty((0, k), dtype=np.int32)
-    origin = units.mean(axis=0)
-    tiles = make_tiles(samples - origin)
-    winners = np.empty((len(samples), k), dtype=np.int32)
-    winners[tiles.order.ravel()] = search_all(tiles, units - origin, k).reshape(-1, k)
     return winners

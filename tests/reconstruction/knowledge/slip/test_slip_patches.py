@@ -62,12 +62,6 @@ def test_a_place_on_a_border_belongs_to_neither_side() -> None:
     assert (felt.patch_of == -1).sum() >= 3
 
 
-def test_half_of_a_lane_may_be_of_another_ground() -> None:
-    felt = estimate_friction_patches(make_readings(lambda x, y: 0.2 if y > 0.2 else 0.7))
-    (rectangle,) = felt.patches[1].rectangles
-    assert rectangle[1] == pytest.approx(0.2, abs=0.051)
-
-
 def test_too_few_readings_are_no_patch() -> None:
     readings = make_readings(lambda x, y: 0.5)
     assert estimate_friction_patches(FrictionReadings(*(array[:1] for array in readings))) is None

@@ -4,15 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
 from reconstruction._src.networks.growing_grid.growth import (
     choose_line_pair,
-    choose_lines,
-    insert_lines,
     score_gaps,
-    start_grid,
 )
 from reconstruction._src.networks.growing_grid.mesh import find_folded, open_pinches, triangulate, unfold
 from reconstruction._src.surfaces.quality import Quality, compute_distances, measure_quality
@@ -60,14 +56,6 @@ def test_it_finds_the_surface_up_to_its_rim(step, grown):
     assert quality.min_angle > np.deg2rad(30)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_it_is_one_sheet_whatever_the_seed(step, seed):
-    state = train(draw(step, 6000, seed), GrowingGridConfig(units=300), seed=seed)
-    topology = judge(state).topology
-    assert topology.is_manifold
-    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
-
-
 def test_equal_seeds_give_equal_bytes(step):
     points = draw(step, 6000)
     first, again, other = (train(points, GrowingGridConfig(units=300), seed=s) for s in (3, 3, 4))
@@ -91,13 +79,6 @@ def test_the_unit_of_length_does_not_matter(step, scale):
 def test_the_wanted_triangles_come_out(step, triangles):
     state = train(draw(step, 6000), GrowingGridConfig(triangles=triangles))
     assert len(state.faces) == pytest.approx(triangles, rel=0.02)
-
-
-@pytest.mark.parametrize("insertion", ["longest", "counter", "distant"])
-def test_every_insertion_rule_reaches_its_size(step, insertion):
-    state = train(draw(step, 6000), GrowingGridConfig(units=300, insertion=insertion))
-    assert state.vertices.shape[0] == pytest.approx(300, rel=0.05)
-    assert np.isfinite(state.units).all()
 
 
 @pytest.mark.parametrize("insertion", ["counter", "distant"])
@@ -133,36 +114,12 @@ def test_a_ring_keeps_its_hole():
     assert (np.linalg.norm(middle, axis=1) < 0.6).mean() < 0.02
 
 
-def test_four_units_are_the_least():
-    points = draw(make_step(), 200)
-    assert train(points, GrowingGridConfig(units=4)).units.shape == (2, 2, 3)
-    for wrong in ({"units": 3}, {"triangles": 1}):
-        with pytest.raises(ReconstructionError, match=str(next(iter(wrong)))):
-            GrowingGridConfig(**wrong)
-    with pytest.raises(ReconstructionError, match="'longest', 'counter' or 'distant'"):
-        GrowingGridConfig(insertion="nearest")  # pyright: ignore[reportArgumentType]
-    with pytest.raises(ReconstructionError, match="'batch' or 'paper'"):
-        GrowingGridConfig(mode="fast")  # pyright: ignore[reportArgumentType]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_no_pinch_on_a_fine_grid(step, seed):
     """Padding repeats samples, and equal coordinates once put strays into tiles: the grid was dragged to them."""
     quality = judge(train(draw(step, 61_000, seed), GrowingGridConfig(units=7000), seed=seed))
     assert (quality.self_intersections, quality.folds) == (0, 0)
-
-
-def test_lines_go_into_the_longest_gaps():
-    np.testing.assert_array_equal(choose_lines(np.array([1.0, 8.0, 3.0]), 4, "longest"), [1, 1, 2, 1])
-    np.testing.assert_array_equal(choose_lines(np.array([1.0, 8.0, 3.0]), 4, "counter"), [1, 2, 0, 1])
-
-
-def test_inserted_lines_lie_evenly_between():
-    units = np.zeros((3, 2, 3))
-    units[:, :, 0] = np.array([[0.0], [1.0], [4.0]])
-    grown = insert_lines(units, np.array([1, 1, 0]))
-    np.testing.assert_allclose(grown[:, 0, 0], [0, 0.5, 1, 2, 3, 4])
 
 
 def test_the_sequential_rule_asks_the_unit_that_won_most():
@@ -193,8 +150,3 @@ def test_a_folded_unit_is_laid_flat_again():
 def test_cells_that_touch_at_a_corner_only_are_parted():
     has_face = np.array([[True, False], [False, True]])
     assert open_pinches(has_face).sum() == 1
-
-
-def test_the_first_four_units_span_the_plane_of_the_points(step):
-    corners = start_grid(draw(step, 2000)).reshape(4, 3)
-    assert np.linalg.matrix_rank(corners - corners.mean(axis=0), tol=0.05) == 2

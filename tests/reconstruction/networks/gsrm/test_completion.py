@@ -4,8 +4,7 @@ import numpy as np
 from constants import with_constants
 
 from reconstruction._src.networks.gsrm import completion, gsrm
-from reconstruction._src.networks.gsrm.completion import find_uncovered
-from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, train
+from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, find_uncovered, train
 from reconstruction._src.surfaces.quality import compute_distances, count_topology
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])

@@ -170,20 +170,6 @@ def test_config_refuses(options: dict) -> None:
         GSRMConfig(**options)
 
 
-def test_progress_ends_at_one() -> None:
-    told: list[float] = []
-    train(make_sheet(4000), GSRMConfig(units=150), 0, lambda _, fraction: told.append(fraction))
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10))
-def test_ten_seeds(seed: int) -> None:
-    _, topology = _grow(make_trench(60000, 0.005), 2200, seed)
-    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
-
-
 @pytest.mark.data
 def test_bunny(shared_data: Path) -> None:
     bunny = trimesh.load(shared_data / "stanford-bunny.obj", process=False)

@@ -5,12 +5,14 @@ import trimesh
 from shapes import make_sheet, sample_mesh
 
 from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, train
-from reconstruction._src.networks.gsrm.paper import PaperMap, Rates, join_winners
-from reconstruction._src.networks.gsrm.paper_patching import (
+from reconstruction._src.networks.gsrm.paper import (
+    PaperMap,
     PaperMesh,
+    Rates,
     close_surface,
     compute_dihedral,
     drop_incorrect_faces,
+    join_winners,
     merge_edges,
 )
 from reconstruction._src.surfaces.quality import compute_distances, count_topology

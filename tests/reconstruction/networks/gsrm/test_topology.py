@@ -17,10 +17,6 @@ from reconstruction._src.geometry.manifold import (
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction._src.networks.gsrm.support import Support
 from reconstruction._src.networks.gsrm.topology import (
-    compute_circumcenters,
-    find_cliques,
-    find_empty,
-    find_triples,
     join_components,
     learn_faces,
 )
@@ -53,28 +49,6 @@ def test_learns_the_delaunay_faces_of_a_lattice() -> None:
     winners = cKDTree(units).query(samples, k=3)[1]
     learnt = learn_faces(units, winners, _support(samples, 0.125))
     assert {frozenset(face) for face in learnt.tolist()} == {frozenset(face) for face in faces.tolist()}
-
-
-def test_cliques_are_the_triangles_of_the_graph() -> None:
-    triples = find_triples(np.array([[0, 1, 2], [2, 1, 3], [3, 4, 2]]), 5)
-    edges, cliques = find_cliques(triples, 5)
-    assert edges.tolist() == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3], [2, 4], [3, 4]]
-    assert cliques.tolist() == [[0, 1, 2], [1, 2, 3], [2, 3, 4]]
-
-
-def test_empty_balls_choose_the_diagonal() -> None:
-    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]])
-    edges = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
-    empty, margin = find_empty(SQUARE, faces, edges)
-    assert empty.tolist() == [2, 3]
-    assert (margin > 1).all()
-
-
-def test_circumcenter_of_a_right_angle() -> None:
-    centers, squared = compute_circumcenters(np.array([[[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]]))
-    np.testing.assert_allclose(centers, [[1, 1, 0]])
-    np.testing.assert_allclose(squared, [2])
-    assert np.isinf(compute_circumcenters(np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]]))[1]).all()
 
 
 def test_a_third_face_at_an_edge_goes() -> None:
@@ -138,15 +112,6 @@ def test_a_gap_is_patched_where_there_are_samples(spacing: float) -> None:
     assert (topology.boundary_loops, topology.num_faces) == (1, len(faces) - 2)
 
 
-def test_a_hole_in_the_data_stays_open() -> None:
-    units, faces = _make_grid(6)
-    holed = make_winding(units, faces[(faces != 14).all(axis=1)])
-    samples = _make_samples(6)
-    samples = samples[np.linalg.norm(samples - units[14], axis=1) > 0.8]
-    patched, _ = patch_holes(units, holed, _support(samples, 0.125))
-    assert len(patched) == len(holed)
-
-
 def test_a_single_face_is_not_closed_to_a_pillow() -> None:
     units = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     patched, _ = patch_holes(units, np.array([[0, 1, 2]]), _support(units, 1.0))
@@ -181,11 +146,3 @@ def test_parts_are_joined_across_a_gap_with_samples() -> None:
     across = samples[:, 0] - 0.2 * samples[:, 1]
     off = samples[(across <= 2) | (across >= 3)]
     assert len(join_components(units, parted, _support(off, 0.1))) == len(parted)
-
-
-def test_void_is_measured_in_sample_spacings() -> None:
-    samples = _make_samples(6)
-    support = _support(samples, 0.125)
-    inside = np.array([[[1.0, 1, 0], [2, 1, 0], [1, 2, 0]]])
-    assert support.measure_void(inside)[0] == 0
-    assert support.measure_void(inside + np.array([0, 0, 5.0]))[0] == pytest.approx(0.5 / 0.125**2)

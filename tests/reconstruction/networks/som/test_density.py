@@ -38,12 +38,6 @@ def test_sparse_samples_weigh_more() -> None:
     assert (density.weights > 0).mean() > 0.99
 
 
-def test_scan_lines_are_as_far_apart_as_they_are() -> None:
-    along, lines = np.meshgrid(np.linspace(0, 2, 401), np.arange(0, 1, 0.05))
-    points = np.stack([along.ravel(), lines.ravel(), np.zeros(along.size)], axis=1)
-    assert np.median(_measure(points).spacing) > 0.012
-
-
 def test_scan_lines_thicker_than_their_points_are_apart_are_seen_among_fewer() -> None:
     rng = np.random.default_rng(5)
     lines = np.column_stack([rng.random(20000), 0.1 * rng.integers(0, 11, 20000), np.zeros(20000)])

@@ -8,11 +8,10 @@ from primitive_scenes import NOISE, make_box, make_column_room, make_noisy, make
 from reconstruction import ReconstructionError
 from reconstruction._src.surfaces.primitives.find import (
     Primitives,
-    find_largest_rectangle,
     find_primitives,
     find_rectangles,
 )
-from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
+from reconstruction._src.surfaces.primitives.primitive import Primitive, take_out
 from reconstruction._src.surfaces.primitives.ransac import estimate_noise
 
 FLAT = Primitive("plane", np.array([0.0, 0.0, -0.002]), np.eye(3), np.array([0.5, 0.3, 0.002]))
@@ -107,8 +106,6 @@ def test_equal_seeds_give_equal_primitives() -> None:
 
 
 def test_triangles_are_cut_at_the_rim_of_a_rectangle() -> None:
-    from reconstruction._src.surfaces.primitives.primitive import take_out
-
     corners = np.array([[[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [0.0, 3.0, 0.0]]])
     rest = take_out(corners, FLAT, tolerance=0.001, margin=0.0)
     assert trimesh.triangles.area(rest).sum() == pytest.approx(10.0 - 4 * 0.5 * 0.3)
@@ -117,16 +114,7 @@ def test_triangles_are_cut_at_the_rim_of_a_rectangle() -> None:
     assert len(take_out(np.add(corners, (0, 0, 0.1)), FLAT, tolerance=0.001, margin=0.0)) == 1
 
 
-def test_the_largest_rectangle_of_free_cells() -> None:
-    grid = np.array([[1, 1, 0, 1], [1, 1, 1, 1], [1, 1, 1, 0]], dtype=bool)
-    area, where = find_largest_rectangle(grid)
-    assert area == 6
-    assert where in ((0, 3, 0, 2), (1, 3, 0, 3))
-    assert find_largest_rectangle(np.zeros((2, 2), dtype=bool))[0] == 0
-    assert find_rectangles(np.zeros((1, 3, 2)), 0.1, 0.1, 3) == []
-
-
-def test_a_rectangle_grows_behind_things_and_not_over_openings() -> None:
+def test_rectangles_of_a_wall_with_strips_that_are_open():
     size = 0.05
     x, y = np.meshgrid(np.arange(40) * size, np.arange(20) * size, indexing="ij")
     low = np.stack([x, y], axis=-1).reshape(-1, 2)
@@ -134,28 +122,11 @@ def test_a_rectangle_grows_behind_things_and_not_over_openings() -> None:
     first = low[:, None] + np.array([[0, 0], [size, 0], [size, size]])
     second = low[:, None] + np.array([[0, 0], [size, size], [0, size]])
     wall = np.concatenate([first, second])  # 2 x 1 m, without two strips 0.1 m wide
-
-    def is_behind_a_thing(places: np.ndarray) -> np.ndarray:
-        return places[:, 0] < 1.0
-
-    ((_, axes, half),) = find_rectangles(wall, 0.01, 0.6, 6, is_behind_a_thing, 0.005)
-    np.testing.assert_allclose(
-        np.sort(half), [0.5, 0.75], atol=0.011
-    )  # over the first strip, up to the second
-    ((_, axes, half),) = find_rectangles(wall, 0.01, 0.6, 6, is_behind_a_thing, 0.07)
-    np.testing.assert_allclose(np.sort(half), [0.5, 1.0], atol=0.011)  # an opening of 5 %
-    np.testing.assert_allclose(axes @ axes.T, np.eye(2), atol=1e-9)
-    ((_, _, half),) = find_rectangles(wall, 0.01, 0.6, 6)
+    ((_, axes, half),) = find_rectangles(wall, 0.01, 0.6, 6)
     np.testing.assert_allclose(np.sort(half), [0.45, 0.5], atol=0.011)
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [{"tolerance": 0.0}, {"min_area": -1.0}],
-)
-def test_bad_values_are_refused(fields: dict) -> None:
-    with pytest.raises(ReconstructionError, match=f"PrimitivesConfig.{next(iter(fields))}"):
-        PrimitivesConfig(**fields)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(2), atol=1e-9)
+    assert len(find_rectangles(wall, 0.01, 0.3, 6)) == 3
+    assert find_rectangles(np.zeros((1, 3, 2)), 0.1, 0.1, 3) == []
 
 
 def test_an_empty_or_broken_mesh_is_refused() -> None:

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 from shapes import make_floor
 from shapes import read_floor as read
 
-from reconstruction._src.knowledge.changes.detection import (
+from reconstruction._src.knowledge.changes import (
     detect_changes,
     find_crowded,
 )
@@ -44,45 +44,9 @@ def test_what_beams_that_met_nothing_went_through_is_gone(sheet):
     assert not stays.any()
 
 
-def test_a_raised_part_has_moved(sheet):
-    new = read(8000, seed=1)
-    is_raised = (np.abs(new[:, :2] - 1) < 0.3).all(axis=1)
-    new[is_raised, 2] += 0.05
-    change = detect_changes(*sheet, read(8000), new, SPACING)
-    inside = (np.abs(sheet[0][:, :2] - 1) < 0.25).all(axis=1)
-    outside = (np.abs(sheet[0][:, :2] - 1) > 0.4).any(axis=1)
-    assert change.is_moved[inside].all()
-    assert not change.is_moved[outside].any()
-
-
 def test_two_stray_readings_are_not_believed(sheet):
     new = np.concatenate([read(8000, seed=1), [[1, 1, 0.5], [1.02, 1, 0.5]]])
     assert not detect_changes(*sheet, read(8000), new, SPACING).is_moved.any()
-
-
-def test_of_very_many_readings_as_many_are_compared_as_suffice(sheet):
-    few, many = (
-        detect_changes(*sheet, read(8000), read(number, seed=1), SPACING) for number in (2000, 60_000)
-    )
-    assert len(few.compared) == 2000
-    assert len(many.compared) < 30_000
-    assert not many.is_moved.any()
-
-
-def test_a_finer_surface_is_compared_with_more_readings():
-    """Three for each of its 5000 faces; of its very many old readings so many are asked as suffice."""
-    change = detect_changes(*make_floor(51), read(40_000), read(12_000, seed=1), 0.04)
-    assert len(change.compared) == 12_000
-    assert change.tolerance == pytest.approx(4 * 0.003 * np.sqrt(2 / np.pi), rel=0.1)
-    assert not (change.is_moved | change.is_gone).any()
-
-
-def test_readings_of_what_is_no_surface_yet_are_far_from_it(sheet):
-    """Old readings were there, too, but have made no face."""
-    old, new = (read(number, seed=number) + np.array([10, 0, 0]) for number in (2000, 500))
-    change = detect_changes(*sheet, np.concatenate([read(8000), old]), new, SPACING)
-    assert change.distance == pytest.approx(new[:, 0] - 2, abs=0.01)
-    assert not change.is_gone.any()
 
 
 @pytest.mark.parametrize(("apart", "is_moved"), [(0.26, True), (0.36, False)])
@@ -150,14 +114,9 @@ def test_readings_just_beyond_the_rim_say_nothing_and_far_ones_do(sheet):
     ("before", "now", "least", "most"),
     [
         (0.2, 0.2, 0.0, 0.02),
-        (0.4, 0.4, 0.0, 0.02),
-        (0.6, 0.6, 0.0, 0.02),
         (0.0, 0.3, 0.4, 0.65),
-        (0.1, 0.5, 0.45, 0.65),
         (0.2, 0.6, 0.25, 0.45),
-        (0.2, 0.8, 0.5, 0.75),
         (0.2, 1.0, 0.75, 0.9),
-        (0.4, 1.0, 0.2, 0.45),
         (0.6, 1.0, 0.02, 0.15),
     ],
 )
@@ -165,30 +124,11 @@ def test_what_disagreed_before_must_disagree_clearly_more_often(sheet, before, n
     """A coarse mesh cuts a corner: some readings near it were off before, too. A vertex has nine new readings."""
     inside = (np.abs(sheet[0][:, :2] - 1) < 0.25).all(axis=1)
     moved = []
-    for seed in range(5):
+    for seed in range(4):
         old = raise_middle(read(8000, seed=10 + seed), 0.05, before, seed=30 + seed)
         new = raise_middle(read(4000, seed=20 + seed), 0.05, now, seed=40 + seed)
         moved.append(detect_changes(*sheet, old, new, SPACING).is_moved[inside].mean())
     assert least <= np.mean(moved) <= most
-
-
-def test_where_nothing_was_read_before_what_disagrees_is_believed(sheet):
-    """The surface was closed over a gap in the old readings, at a height that was never measured."""
-    old, new = read(8000), raise_middle(read(4000, seed=1), 0.05)
-    old = old[(np.abs(old[:, :2] - 1) > 0.2).any(axis=1)]
-    gap = (np.abs(sheet[0][:, :2] - 1) < 0.12).all(axis=1)
-    assert detect_changes(*sheet, old, new, SPACING).is_moved[gap].all()
-
-
-def test_faces_may_be_integers_of_any_kind(sheet):
-    vertices, faces = sheet
-    new = raise_middle(read(4000, seed=1), 0.05)
-    wide, narrow = (
-        detect_changes(vertices, faces.astype(kind), read(8000), new, SPACING)
-        for kind in (np.int64, np.int32)
-    )
-    assert np.array_equal(wide.distance, narrow.distance)
-    assert np.array_equal(wide.is_moved, narrow.is_moved)
 
 
 def test_nothing_depends_on_where_the_world_is(sheet):
@@ -209,29 +149,6 @@ def test_nothing_depends_on_where_the_world_is(sheet):
         assert getattr(here, name) == pytest.approx(getattr(there, name), abs=1e-6), name
 
 
-@pytest.mark.parametrize(("low", "high", "noise"), [(0.2, 0.8, 0.003), (1.2, 1.8, 0.03)])
-def test_readings_of_a_part_are_compared_with_what_is_near_them(sheet, low, high, noise):
-    """Half of the sheet was read ten times less exactly than the other."""
-    old = read(8000)
-    old[old[:, 0] > 1, 2] *= 10
-    new = read(8000, seed=1)
-    new = new[((new[:, :2] > low) & (new[:, :2] < high)).all(axis=1)]
-    change = detect_changes(*sheet, old, new, SPACING)
-    assert change.distance == pytest.approx(np.abs(new[:, 2]), abs=1e-9)
-    assert np.linalg.norm(sheet[0][change.winners] - new, axis=1) == pytest.approx(
-        cKDTree(sheet[0]).query(new)[0]
-    )
-    assert change.tolerance == pytest.approx(4 * noise * np.sqrt(2 / np.pi), rel=0.2)
-    assert not (change.is_moved | change.is_gone).any()
-
-
-def test_where_few_old_points_are_near_all_are_asked(sheet):
-    old = read(8000)
-    old = old[old[:, 0] > 0.5]
-    change = detect_changes(*sheet, old, read(3000, seed=1) * [0.1, 0.1, 1], SPACING)
-    assert change.tolerance == pytest.approx(4 * 0.003 * np.sqrt(2 / np.pi), rel=0.2)
-
-
 @pytest.mark.parametrize(("side", "is_believed"), [(0.25, True), (0.35, False)])
 def test_three_readings_within_three_spacings_are_strong_together(sheet, side, is_believed):
     new = read(3000, seed=1)
@@ -241,11 +158,3 @@ def test_three_readings_within_three_spacings_are_strong_together(sheet, side, i
         change = detect_changes(*sheet, read(8000), np.concatenate([new, some]), SPACING)
         assert not change.is_moved.any()
         assert change.is_strong.any() == (is_believed and len(some) == 3)
-
-
-def test_three_are_a_crowd():
-    points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
-    assert find_crowded(np.arange(3), points, 0.5, 3).tolist() == [True] * 3
-    assert find_crowded(np.arange(3), points, 0.15, 3).tolist() == [False, True, False]
-    assert find_crowded(np.zeros(3, dtype=int), 100 * points, 0.5, 3).tolist() == [True] * 3
-    assert find_crowded(np.zeros(2, dtype=int), points[:2], 0.5, 3).dtype == bool

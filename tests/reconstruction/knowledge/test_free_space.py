@@ -1,9 +1,11 @@
-"""What rays go through is gone."""
+"""What rays go through is gone; rings of neighbors and connected parts."""
 
 import numpy as np
 import pytest
 
-from reconstruction._src.knowledge.changes.free_space import find_crossed_vertices
+from reconstruction._src.geometry.manifold import spread, widen
+from reconstruction._src.knowledge.changes import number_parts
+from reconstruction._src.knowledge.free_space import find_crossed_vertices
 
 MARGIN = 0.01
 ABOVE = np.array([0.5, 0.5, 2.0])
@@ -29,7 +31,7 @@ def _spread(number: int, depth: float) -> np.ndarray:
 def _ask(board, points: np.ndarray, origins: np.ndarray, agreeing: int = 0) -> np.ndarray:
     vertices, faces = board
     origins = np.broadcast_to(origins, points.shape)
-    return find_crossed_vertices(vertices, faces, points, origins, np.full(121, agreeing), MARGIN, 0.2)
+    return find_crossed_vertices(vertices, faces, points, origins, np.full(121, agreeing), MARGIN)
 
 
 def test_rays_that_end_behind_a_surface_show_that_it_is_gone(board):
@@ -62,4 +64,22 @@ def test_both_sides_of_a_box_are_passed():
     points = np.column_stack([np.full(200, 3.0), rng.uniform(0.05, 0.95, (200, 2))])
     origins = points - np.array([5, 0, 0])
     nothing = np.zeros(8)
-    assert find_crossed_vertices(corners, faces, points, origins, nothing, MARGIN, 2.0).all()
+    assert find_crossed_vertices(corners, faces, points, origins, nothing, MARGIN).all()
+
+
+def test_rings_of_neighbors_and_what_they_lead_to(board):
+    is_marked, is_allowed = np.zeros((2, 121), dtype=bool)
+    is_marked[0], is_allowed[[11, 22, 33, 120]] = True, True
+    assert [widen(board[1], is_marked, rings).sum() for rings in range(3)] == [1, 4, 9]
+    assert np.flatnonzero(spread(board[1], is_marked, is_allowed)).tolist() == [0, 11, 22, 33]
+    assert is_marked.sum() == 1
+
+
+def test_parts_are_numbered(board):
+    is_marked = np.zeros(121, dtype=bool)
+    is_marked[[0, 1, 2, 60, 61, 120]] = True
+    part = number_parts(board[1], is_marked)
+    assert (part[~is_marked] == -1).all()
+    assert part[0] == part[1] == part[2]
+    assert part[60] == part[61]
+    assert len({part[0], part[60], part[120]}) == 3

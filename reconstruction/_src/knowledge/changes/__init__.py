@@ -1,1 +1,0 @@
-"""What new readings show about a known surface: what is free, what has changed."""
