@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
@@ -18,39 +18,24 @@ from jaxtyping import Float
 from reconstruction._src.base.bounded_read import BoundedFile
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.point_rows import COLORS, RawPoints, as_colors
+from reconstruction._src.scans.frames import RawPoints
 
-_NUMBERS = {
-    "char": "i1",
-    "short": "i2",
-    "int": "i4",
-    "int8": "i1",
-    "int16": "i2",
-    "int32": "i4",
-    "int64": "i8",
+_CODES = {
+    "char int8": "b",
+    "uchar uint8": "B",
+    "short int16": "h",
+    "ushort uint16": "H",
+    "int int32": "i",
+    "uint uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float float32": "f",
+    "double float64": "d",
 }
-_TYPES = {
-    **_NUMBERS,
-    **{f"u{name}": f"u{kind[1]}" for name, kind in _NUMBERS.items()},
-    "float": "f4",
-    "float32": "f4",
-    "double": "f8",
-    "float64": "f8",
-}
-_STRUCTS = {
-    "i1": "b",
-    "i2": "h",
-    "i4": "i",
-    "i8": "q",
-    "u1": "B",
-    "u2": "H",
-    "u4": "I",
-    "u8": "Q",
-    "f4": "f",
-    "f8": "d",
-}
+_TYPES = {name: code for names, code in _CODES.items() for name in names.split()}
+"""Type in a header -> its code in `struct` and NumPy."""
 _MAX_VALUES = 10_000_000
-"""Values and lists that are read from binary rows with lists, one after the other: one to three seconds a million."""
+"""Values and lists that are read from rows with lists, one after the other: one to three seconds a million."""
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -60,11 +45,6 @@ class _Property(NamedTuple):
     name: str
     type: str
     length_type: str | None = None
-
-    @property
-    def size(self) -> int:
-        """Bytes of one value."""
-        return int(self.type[1:])
 
 
 class _Element(NamedTuple):
@@ -90,20 +70,27 @@ def read_ply(file: BoundedFile) -> RawPoints:
     if "vertex" not in names:
         raise ScanError("the .ply file has no element vertex")
     before, vertex = elements[: names.index("vertex")], elements[names.index("vertex")]
-    missing = [name for name in "xyz" if name not in [one.name for one in vertex.properties]]
+    missing = {"x", "y", "z"} - {one.name for one in vertex.properties if not one.length_type}
     if missing:
-        raise ScanError(f"the vertices of the .ply file have no {', '.join(missing)}")
-    if any(one.length_type for one in vertex.properties if one.name in "xyz"):
-        raise ScanError("the coordinates in the .ply file are lists")
+        raise ScanError(f"the vertices of the .ply file have no single {', '.join(sorted(missing))}")
+    count = sum(one.num_rows * len(one.properties) for one in (*before, vertex) if one.has_lists)
+    if count > _MAX_VALUES:
+        raise ScanError(
+            f"the .ply header promises {count} values in rows with lists, up to the vertices; {_MAX_VALUES} are "
+            "read at most: write the vertices first, and without lists"
+        )
     if not byte_order:
         return _read_ascii(file, before, vertex)
-    _check_num_values([*before, vertex])
     for element in before:
-        _skip(file, element, byte_order)
+        if element.has_lists:
+            _read_lists(file, element, *_make_binary_reader(file, byte_order))
+        else:
+            size = sum(struct.calcsize(f"={one.type}") for one in element.properties)
+            _skip_bytes(file, element.num_rows * size)
     if vertex.has_lists:
-        return RawPoints(_collect(file, vertex, _iterate_rows(file, vertex, byte_order)))
-    names, types = zip(*((one.name, byte_order + one.type) for one in vertex.properties), strict=True)
-    return point_rows.read_records(file, np.dtype(list(zip(names, types, strict=True))), vertex.num_rows)
+        return RawPoints(_read_lists(file, vertex, *_make_binary_reader(file, byte_order)))
+    record = np.dtype([(one.name, byte_order + one.type) for one in vertex.properties])
+    return point_rows.read_records(file, record, vertex.num_rows)
 
 
 def write_ply(file: BinaryIO, points: Float[np.ndarray, "N 3"]) -> None:
@@ -112,6 +99,12 @@ def write_ply(file: BinaryIO, points: Float[np.ndarray, "N 3"]) -> None:
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{properties}end_header\n"
     file.write(header.encode())
     file.write(np.ascontiguousarray(points, dtype="<f8").tobytes())
+
+
+def find_num_faces(file: BoundedFile) -> int:
+    """Return how many faces the header of a .ply file promises."""
+    _, elements = _read_header(file)
+    return sum(element.num_rows for element in elements if element.name == "face")
 
 
 def _read_header(file: BoundedFile) -> tuple[str, list[_Element]]:
@@ -144,53 +137,41 @@ def _find_type(name: str) -> str:
     return _TYPES[name]
 
 
-def find_num_faces(file: BoundedFile) -> int:
-    """Return how many faces the header of a .ply file promises."""
-    _, elements = _read_header(file)
-    return sum(element.num_rows for element in elements if element.name == "face")
-
-
 def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> RawPoints:
-    num_lines = sum(element.num_rows for element in (*before, vertex) if element.properties)
-    if num_lines > file.num_lines:
-        raise ScanError(f"the .ply header promises {num_lines} rows in {file.num_lines} lines")
-    lines = (line for line in point_rows.read_lines(file) if not line.isspace())
-    for element in before:
-        if element.properties:
-            next(itertools.islice(lines, element.num_rows, element.num_rows), None)
-    rows = itertools.islice(lines, vertex.num_rows)
-    colors = None
-    if vertex.has_lists:
-        points = _collect(file, vertex, _parse_rows(rows, vertex))
-    else:
-        names = [one.name for one in vertex.properties]
-        wanted = ["x", "y", "z", *(COLORS if {*COLORS} <= set(names) else ())]
-        values = point_rows.read_text_rows(file, rows, [names.index(name) for name in wanted], comments=None)
-        points = np.ascontiguousarray(values[:, :3])
-        colors = as_colors(values[:, 3:]) if len(wanted) > 3 else None
-    if len(points) != vertex.num_rows:
-        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices, the data hold {len(points)}")
-    return RawPoints(points, colors)
-
-
-def _check_num_values(elements: list[_Element]) -> None:
-    """Refuse what would take hours: rows that differ in length are read one after the other."""
-    count = sum(one.num_rows * len(one.properties) for one in elements if one.has_lists)
-    if count > _MAX_VALUES:
+    num_skipped = sum(element.num_rows for element in before if element.properties)
+    if num_skipped + vertex.num_rows > file.num_lines:
         raise ScanError(
-            f"the .ply header promises {count} values in rows with lists, up to the vertices; {_MAX_VALUES} are "
-            "read at most: write the vertices first, and without lists"
+            f"the .ply header promises {num_skipped + vertex.num_rows} rows in {file.num_lines} lines"
         )
+    lines = (line for line in point_rows.read_lines(file) if not line.isspace())
+    rows = itertools.islice(lines, num_skipped, num_skipped + vertex.num_rows)
+    if vertex.has_lists:
+        words = (word for line in rows for word in line.split())
+        return RawPoints(
+            _read_lists(file, vertex, lambda kind: float(next(words)), _make_word_skipper(words))
+        )
+    names = [one.name for one in vertex.properties]
+    wanted = [*"xyz", *(point_rows.COLORS if {*point_rows.COLORS} <= set(names) else ())]
+    values = point_rows.read_text_rows(file, rows, [names.index(name) for name in wanted], comments=None)
+    if len(values) != vertex.num_rows:
+        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices, the data hold {len(values)}")
+    return point_rows.split_colors(values)
 
 
-def _skip(file: BoundedFile, element: _Element, byte_order: str) -> None:
-    """Move on to the end of an element."""
-    if element.has_lists:
-        for _ in _iterate_rows(file, element, byte_order):
-            pass
-        return
-    size = element.num_rows * sum(one.size for one in element.properties)
-    _skip_bytes(file, size)
+_Take = Callable[[str], float]  # Returns the next value, of a type
+_Skip = Callable[[str, int], None]  # Moves on by a number of values of a type
+
+
+def _make_binary_reader(file: BoundedFile, byte_order: str) -> tuple[_Take, _Skip]:
+    kinds = {code: struct.Struct(byte_order + code) for code in _CODES.values()}
+    return (
+        lambda kind: kinds[kind].unpack(file.read_exactly(kinds[kind].size))[0],
+        lambda kind, count: _skip_bytes(file, count * kinds[kind].size),
+    )
+
+
+def _make_word_skipper(words: Iterator[str]) -> _Skip:
+    return lambda kind, count: next(itertools.islice(words, count, count), None)
 
 
 def _skip_bytes(file: BoundedFile, size: int) -> None:
@@ -199,56 +180,25 @@ def _skip_bytes(file: BoundedFile, size: int) -> None:
     file.stream.seek(size, 1)
 
 
-def _iterate_rows(file: BoundedFile, element: _Element, byte_order: str) -> Iterator[dict[str, float]]:
-    """Yield the single values of binary rows whose lists differ in length."""
-    properties = [
-        (
-            one.name,
-            struct.Struct(byte_order + _STRUCTS[one.length_type or one.type]),
-            one.length_type,
-            one.size,
-        )
-        for one in element.properties
-    ]
-    for _ in range(element.num_rows):
-        row = {}
-        for name, kind, length_type, size in properties:
-            (value,) = kind.unpack(file.read_exactly(kind.size))
-            if length_type is None:
-                row[name] = float(value)
-            elif not 0 <= value < math.inf:
-                raise ScanError(f"the .ply file has a list {name} of {value} values")
-            elif value:
-                _skip_bytes(file, int(value) * size)
-        yield row
-
-
-def _parse_rows(lines: Iterator[str], element: _Element) -> Iterator[dict[str, float]]:
-    """Yield the single values of ascii rows with lists in them."""
-    for line in lines:
-        row, words = {}, iter(line.split())
-        try:
-            for one in element.properties:
-                value = next(words)
+def _read_lists(file: BoundedFile, element: _Element, take: _Take, skip: _Skip) -> Float[np.ndarray, "N 3"]:
+    """Read rows whose lists differ in length, value by value; return x, y, z, where the element has them."""
+    if element.num_rows > file.size:
+        raise ScanError(f"the .ply header promises {element.num_rows} rows in {file.size} bytes")
+    places = [{"x": 0, "y": 1, "z": 2}.get(one.name, 3) for one in element.properties]
+    points, row = point_rows.allocate_points(file, element.num_rows), np.zeros(4)
+    try:
+        for number in range(element.num_rows):
+            for one, place in zip(element.properties, places, strict=True):
+                value = take(one.length_type or one.type)
                 if one.length_type is None:
-                    row[one.name] = float(value)
+                    row[place] = value
+                elif not 0 <= value < math.inf:
+                    raise ScanError(f"the .ply file has a list {one.name} of {value} values")
                 else:
-                    length = point_rows.parse_count(value)
-                    next(itertools.islice(words, length, length), None)
-        except (StopIteration, ValueError) as error:
-            raise ScanError(
-                f"the .ply file has a row {line[:60]!r} that is not as its header says"
-            ) from error
-        yield row
-
-
-def _collect(
-    file: BoundedFile, vertex: _Element, rows: Iterator[dict[str, float]]
-) -> Float[np.ndarray, "N 3"]:
-    if vertex.num_rows > file.size:
-        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices in {file.size} bytes")
-    points, num_read = point_rows.allocate_points(file, vertex.num_rows), 0
-    for row in rows:
-        points[num_read] = row["x"], row["y"], row["z"]
-        num_read += 1
-    return points[:num_read]
+                    skip(one.type, int(value))
+            points[number] = row[:3]
+    except (StopIteration, ValueError) as error:
+        if isinstance(error, ScanError):
+            raise
+        raise ScanError(f"the .ply file ends or has no number in row {number} of {element.name}") from error
+    return points

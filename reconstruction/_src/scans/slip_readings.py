@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -70,10 +70,6 @@ class SlipReadings:
     def __len__(self) -> int:
         """Return the number of ticks."""
         return len(self.times)
-
-    def as_arrays(self) -> dict[str, np.ndarray]:
-        """Return the fields as arrays, for a file; `SlipReadings(**arrays)` reads them."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
 
 
 def find_segments(values: Float[np.ndarray, " D"], sigma: float, penalty: float) -> Int[np.ndarray, " D"]:

@@ -146,7 +146,7 @@ def test_a_flipped_bit_gives_the_same_or_the_error(save) -> None:
 
 PROGRAM = """
 import sys
-from reconstruction._src.scans.formats import load_points
+from reconstruction._src.scans.cloud_file import load_points
 from reconstruction._src.base.errors import ScanError
 
 def peak():  # getrusage would begin with the peak of the process that started this one

@@ -11,8 +11,7 @@ import reconstruction._src.base.extras
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans import e57
-from reconstruction._src.scans.cloud_file import load_cloud
-from reconstruction._src.scans.formats import load_points
+from reconstruction._src.scans.cloud_file import load_cloud, load_points
 
 pye57 = pytest.importorskip("pye57", reason="the extra `formats` is not installed")
 

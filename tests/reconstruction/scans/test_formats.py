@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from pypcd4.pypcd4 import Encoding, PointCloud
 
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans.formats import load_points, read_points, save_points
-from reconstruction._src.scans.scan_log_file import load_scan_log
+from reconstruction._src.scans.cloud_file import load_points, save_points
+from reconstruction._src.scans.scan import load_scan_log
 
 POINTS = np.array([[0.0, 0.25, 0.5], [1.0, 2.0, -3.0], [4.0, 5.5, 6.0], [-1.5, 0.125, 2.0], [8.0, 1.0, 0.75]])
 TEXT = "\n".join(" ".join(map(str, row)) for row in POINTS) + "\n"

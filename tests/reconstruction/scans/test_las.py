@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 import reconstruction._src.base.extras
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
-from reconstruction._src.scans.cloud_file import load_cloud
-from reconstruction._src.scans.formats import load_points
+from reconstruction._src.scans.cloud_file import load_cloud, load_points
 
 laspy = pytest.importorskip("laspy", reason="the extra `formats` is not installed")
 from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr  # noqa: E402

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reconstruction._src.scans.smoothing import NoisePriors
 
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import make_pose
@@ -15,7 +16,6 @@ from reconstruction._src.scans.localization import (
     measure_localization,
 )
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
-from reconstruction._src.scans.smoothing import NoisePriors
 
 ANGLES = np.radians(np.linspace(-90, 90, 181))
 WALLS = np.array(  # a room with two niches, x0 y0 x1 y1

@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-
-from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans.leveling import LevelingConfig, use_priors
 from reconstruction._src.scans.scan_matching import fuse_odometry
 from reconstruction._src.scans.smoothing import (
     UNKNOWN_SHAKE,
@@ -13,6 +10,9 @@ from reconstruction._src.scans.smoothing import (
     estimate_shake,
     estimate_slip,
 )
+
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.scans.leveling import LevelingConfig, use_priors
 
 
 @pytest.mark.parametrize("slip", [0.0025, 0.005, 0.01])

@@ -2,9 +2,9 @@
 
 import numpy as np
 from constants import with_constants
+from reconstruction._src.scans.scan_matching import fuse_odometry
 
 from reconstruction._src.scans import scan_matching
-from reconstruction._src.scans.scan_matching import fuse_odometry
 
 
 def make_track(num_scans: int = 200) -> np.ndarray:

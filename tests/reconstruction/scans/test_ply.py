@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans.formats import load_points, save_points
+from reconstruction._src.scans.cloud_file import load_points, save_points
 
 UTM = np.random.default_rng(0).uniform(size=(40, 3)) * [100, 100, 10] + [448_262.1, 5_411_932.7, 112.0]
 """Coordinates that single precision would move by decimeters [m]."""

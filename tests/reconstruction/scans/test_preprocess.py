@@ -6,18 +6,17 @@ from constants import with_constants
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from reconstruction._src.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
+from reconstruction._src.scans.smoothing import SmoothingConfig, find_creases, smooth_ranges
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import make_pose
 from reconstruction._src.scans import mixed_pixels
-from reconstruction._src.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
 from reconstruction._src.scans.leveling import LevelingConfig, estimate_declination, level_floor
 from reconstruction._src.scans.mixed_pixels import find_jumps, find_mixed_beams
 from reconstruction._src.scans.preprocess import PreprocessConfig, preprocess, remove_mixed_pixels
-from reconstruction._src.scans.scan import ScanLog
-from reconstruction._src.scans.scan_log_file import load_scan_log
-from reconstruction._src.scans.smoothing import SmoothingConfig, find_creases, smooth_ranges
+from reconstruction._src.scans.scan import ScanLog, load_scan_log
 
 HEIGHT = 2.0
 ANGLES = np.radians(np.linspace(-90, 90, 361))

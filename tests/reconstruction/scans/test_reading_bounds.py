@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans.formats import load_points
+from reconstruction._src.scans.cloud_file import load_points
 
 MEGABYTE = 1 << 20
 PLY = "ply\nformat binary_little_endian 1.0\n{}element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
@@ -52,7 +52,7 @@ def test_a_list_of_a_length_that_is_no_number_is_refused(tmp_path: Path) -> None
 
 PROGRAM = """
 import sys
-from reconstruction._src.scans.formats import load_points
+from reconstruction._src.scans.cloud_file import load_points
 
 def peak():  # getrusage would begin with the peak of the process that started this one
     with open("/proc/self/status") as file:

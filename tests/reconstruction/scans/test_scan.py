@@ -10,8 +10,8 @@ from reconstruction._src.scans.scan import (
     HorizontalScans,
     ScanLog,
     ScanTruth,
+    load_scan_log,
 )
-from reconstruction._src.scans.scan_log_file import load_scan_log
 
 
 def make_log(**changes) -> ScanLog:

@@ -5,7 +5,6 @@ import pytest
 
 import reconstruction as rc
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans import cells
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.selection import crop, find_crop_box, thin
 
@@ -46,7 +45,7 @@ def test_a_thinned_cloud_has_mean_colors_and_the_most_frequent_viewpoint() -> No
 
 
 def test_arrays_are_treated_as_clouds_are() -> None:
-    np.testing.assert_array_equal(crop(POINTS, BOX), cells.crop(POINTS, BOX))
+    np.testing.assert_array_equal(crop(POINTS, BOX), crop(Cloud(POINTS), BOX).points)
     points = room()
     np.testing.assert_array_equal(thin(points, 0.1), thin(Cloud(points), 0.1).points)
     assert rc.crop is crop

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from reconstruction._src.scans.smoothing import find_creases, smooth_ranges
 
 from reconstruction._src.scans.scan import ScanLog
-from reconstruction._src.scans.smoothing import find_creases, smooth_ranges
 
 
 def smooth(ranges: np.ndarray, **options) -> np.ndarray:

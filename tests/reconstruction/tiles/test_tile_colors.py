@@ -6,7 +6,7 @@ import pytest
 import reconstruction as rc
 import symbrion_gym as sg
 from reconstruction._src.surfaces.color import find_vertex_colors
-from reconstruction._src.tiles.tile import read_colors
+from reconstruction._src.tiles.folder import read_surface
 
 CONFIG = rc.TilesConfig(tile=10.0)
 
@@ -46,5 +46,5 @@ def test_files_of_points_bring_their_colors(tmp_path):
 def test_damaged_colors_are_refused(tmp_path):
     path = tmp_path / "tile_0_0.npz"
     np.savez(path, vertices=np.zeros((3, 3)), faces=np.array([[0, 1, 2]]), colors=np.zeros((2, 3), np.uint8))
-    with pytest.raises(rc.ReconstructionError, match="no colors of a tile"):
-        read_colors(path)
+    with pytest.raises(rc.ReconstructionError, match="colors are uint8 of"):
+        read_surface(path)

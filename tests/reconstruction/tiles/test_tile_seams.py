@@ -123,7 +123,6 @@ def test_different_surfaces_are_not_joined() -> None:
         ("tile", 0.0, "tile is 0.0; a number above 0"),
         ("halo", 30.0, "halo is 30.0; above 0 and up to half of the tile"),
         ("units_per_area", -1.0, "units_per_area is -1.0"),
-        ("min_units", 3, "min_units is 3; a network begins with 4 units"),
     ],
 )
 def test_impossible_divisions_are_refused(field, value, message) -> None:

@@ -11,8 +11,7 @@ from benchmarks.material.landscape import make_landscape, sample_scan, write_sca
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.tiles.folder import INDEX, TiledSurface
 from reconstruction._src.tiles.point_stream import TilesConfig
-from reconstruction._src.tiles.tile import choose_units, reconstruct_tile
-from reconstruction._src.tiles.tiling import reconstruct_tiles
+from reconstruction._src.tiles.tiling import choose_units, reconstruct_tile, reconstruct_tiles
 from reconstruction._src.tiles.workers import run_here, run_in_processes
 
 EXTENT, NOISE = 20.0, 0.01
@@ -89,7 +88,6 @@ def test_units_come_from_a_ladder():
     assert choose_units(points, TilesConfig(tile=10.0)) == 181  # of 200; 2^7.5
     assert choose_units(points[:3700], TilesConfig(tile=10.0)) == 181  # of 185
     assert choose_units(points, TilesConfig(tile=10.0, units_per_area=0.5)) == 64  # of 0.5 x 144
-    assert choose_units(points, TilesConfig(tile=10.0, max_units=100)) == 90
     assert choose_units(points[:400], TilesConfig(tile=10.0)) == 0
 
 
@@ -156,7 +154,7 @@ def test_workers_give_the_same_files(tiles, tmp_path):
 
 def test_processes_answer_in_order_and_their_end_is_told(tmp_path):
     (tmp_path / "a.f4").write_bytes(np.zeros((5, 3), np.float32).tobytes())
-    job = {"points": str(tmp_path / "a.f4"), "out": "", "seed": 0, "method": "gsrm", "is_raw": True}
+    job = {"points": str(tmp_path / "a.f4"), "columns": 3, "is_raw": True}
     jobs = [job | {"place": [i, 0], "config": {"tile": 10.0}} for i in range(5)]
     here = list(run_here(reconstruct_tile, jobs))
     assert [report["place"] for report in here] == [[i, 0] for i in range(5)]
