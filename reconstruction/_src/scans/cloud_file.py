@@ -27,7 +27,7 @@ from reconstruction._src.base.bounded_read import (
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.frames import UNITS, RawPoints, describe_odd_size, find_offset, make_frame
+from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, make_frame
 from reconstruction._src.scans.mesh_files import CONVERTERS, check_plain, find_kind, read_mesh_points
 from reconstruction._src.scans.pcd import read_pcd
 from reconstruction._src.scans.ply import read_ply, write_ply
@@ -39,11 +39,6 @@ from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 _logger = logging.getLogger(__name__)
 
 _MIN_POINTS = 3  # Fewer points span no plane
-_SCENE_EXTENT = (2.0, 100.0)
-"""Extent of a scene that a robot scans [m]: a room is larger than 2 m, and 100 m is the reach of its scanner.
-Its ends are a factor of 50 apart, so m and cm never both fit."""
-_GUESSED_UNITS = ("m", "cm", "mm")
-"""Units that "auto" chooses from: feet and inches are too close to meters and centimeters."""
 _NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")  # Arrays of an .npz that go with its array ``points``
 
 
@@ -60,8 +55,7 @@ def load_points(
     Args:
         path: .xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .3d .las .laz, each also followed by .gz
             or .bz2; .e57 .stl .off .glb .gltf .dae.
-        unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says, meters where it does not; "auto"
-            selects the one of m, cm and mm that makes the extent that of a scene (2 to 100 m), if only one does.
+        unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says, meters where it does not.
         max_bytes: most bytes that the file may hold uncompressed, and its points in memory (24 bytes each); a
             larger file is refused before the memory is allocated.
 
@@ -71,10 +65,7 @@ def load_points(
         MissingExtraError: the library that reads this kind is not installed.
     """
     path = Path(path)
-    raw = _read_raw(path, max_bytes)
-    if unit == "auto":
-        unit = None if raw.meters else _guess_unit(path, raw.points)
-    return _make_cloud(path, raw, unit).points
+    return _make_cloud(path, _read_raw(path, max_bytes), unit).points
 
 
 def load_cloud(
@@ -196,17 +187,6 @@ def _make_cloud(
             cloud.num_points,
         )
     return cloud
-
-
-def _guess_unit(path: Path, points: Float[np.ndarray, "N 3"]) -> str:
-    smallest, largest = _SCENE_EXTENT
-    extent = float(np.ptp(points[np.isfinite(points).all(axis=1)], axis=0).max())
-    fitting = [name for name in _GUESSED_UNITS if smallest <= extent * UNITS[name] <= largest]
-    if len(fitting) != 1:
-        found = f"{' and '.join(fitting)} both fit" if fitting else "none of m, cm, mm fits"
-        raise ScanError(f"{path}: cannot guess the unit of an extent of {extent:g}: {found}; give unit=")
-    _logger.info("%s: the unit is %s, by its extent", path, fitting[0])
-    return fitting[0]
 
 
 def _read_raw(path: Path, max_bytes: float) -> RawPoints:

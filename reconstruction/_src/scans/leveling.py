@@ -34,7 +34,6 @@ _FULL_WEIGHT_DISTANCE = 1.0  # A vote's weight grows with the distance from the 
 _HEIGHT_BIN = 0.02  # Bins of height [m] that the floor is found in, where a log has no `mount`
 _HEIGHT_SHARE = 0.5
 """The floor is the lowest bin that holds at least this share of the readings in the fullest bin."""
-_HEIGHT_WINDOW = 5  # Bins above that one, itself included, of which the fullest is taken
 
 
 _MAX_SLOPE = 0.3
@@ -197,16 +196,12 @@ def _plane_coordinates(log: ScanLog) -> tuple[Float[np.ndarray, "S B"], Float[np
 
 def _estimate_floor_height(heights: Float[np.ndarray, "S B"]) -> float:
     """Return the height of most readings below the sensor, or the lowest one with nearly as many."""
-    bin_width = _HEIGHT_BIN
     low = heights[heights < 0]
     if not low.size:
         return 0.0
-    counts = np.bincount(((low - low.min()) / bin_width).astype(np.int64))
-    counts = np.convolve(counts, [1, 1, 1], "same")
-    first = int(np.argmax(counts >= _HEIGHT_SHARE * counts.max()))
-    first += int(np.argmax(counts[first : first + _HEIGHT_WINDOW]))
-    peak = low.min() + (first + 0.5) * bin_width
-    return float(low[np.abs(low - peak) < 2 * bin_width].mean())
+    counts = np.bincount(((low - low.min()) / _HEIGHT_BIN).astype(np.int64))
+    peak = low.min() + (np.argmax(counts >= _HEIGHT_SHARE * counts.max()) + 0.5) * _HEIGHT_BIN
+    return float(low[np.abs(low - peak) < 2 * _HEIGHT_BIN].mean())
 
 
 def _is_vertical(log: ScanLog) -> bool:

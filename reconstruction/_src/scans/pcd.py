@@ -10,7 +10,7 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, UInt8, UInt32
+from jaxtyping import Float, UInt32
 
 from reconstruction._src.base.bounded_read import BoundedFile, check_size
 from reconstruction._src.base.errors import ScanError
@@ -31,10 +31,8 @@ class _Header(NamedTuple):
 
     num_points: int  # `POINTS`
     num_columns: int  # values of one point
-    num_bytes: int  # bytes of one point
     columns: list[int]  # columns of x, y, z and the color, where there is one, among the values
-    offsets: list[int]  # their offsets in a point [bytes]
-    types: list[str]  # their types; that of the color is always a whole number
+    record: np.dtype  # x, y, z and rgb (a whole number) in one binary point
     # whether the text of an ascii file writes the color's bytes as a floating point number
     has_float_color: bool
 
@@ -104,15 +102,16 @@ def _check_header(words: dict[str, list[str]]) -> _Header:
         types.append("<u4")
     columns = [0, *itertools.accumulate(repeats)]
     offsets = [0, *itertools.accumulate(size * repeat for size, repeat in zip(sizes, repeats, strict=True))]
-    return _Header(
-        num_points,
-        columns[-1],
-        offsets[-1],
-        [columns[place] for place in places],
-        [offsets[place] for place in places],
-        types,
-        has_color and kinds[places[3]] == "F",
+    record = np.dtype(
+        {
+            "names": ["x", "y", "z", "rgb"][: len(places)],
+            "formats": types,
+            "offsets": [offsets[place] for place in places],
+            "itemsize": min(offsets[-1], np.iinfo(np.int32).max),
+        }
     )
+    chosen = [columns[place] for place in places]
+    return _Header(num_points, columns[-1], chosen, record, has_color and kinds[places[3]] == "F")
 
 
 def _read_ascii(file: BoundedFile, header: _Header) -> RawPoints:
@@ -145,35 +144,29 @@ def _pack(values: Float[np.ndarray, " N"], is_float: bool) -> UInt32[np.ndarray,
 
 
 def _read_binary(file: BoundedFile, header: _Header) -> RawPoints:
-    names = ["x", "y", "z", "rgb"][: len(header.types)]
-    size = min(header.num_bytes, np.iinfo(np.int32).max)
-    record = {"names": names, "formats": header.types, "offsets": header.offsets, "itemsize": size}
-    return point_rows.read_records(file, np.dtype(record), header.num_points)
+    return point_rows.read_records(file, header.record, header.num_points)
 
 
 def _read_compressed(file: BoundedFile, header: _Header) -> RawPoints:
     import lzf  # C, and rarely needed
 
+    count, size = header.num_points, header.record.itemsize
     num_packed, num_unpacked = np.frombuffer(file.read_exactly(8), "<u4").tolist()
-    if num_unpacked != header.num_points * header.num_bytes:
+    if num_unpacked != count * size:
         raise ScanError(
-            f"the .pcd header promises {header.num_points} points of {header.num_bytes} bytes, "
-            f"the compressed data {num_unpacked} bytes"
+            f"the .pcd header promises {count} points of {size} bytes, the compressed data {num_unpacked} bytes"
         )
     check_size(num_unpacked, file.max_bytes)
     unpacked = lzf.decompress(file.read_exactly(num_packed), num_unpacked)
     if unpacked is None or len(unpacked) != num_unpacked:
         raise ScanError(f"the compressed data of the .pcd file do not unpack to {num_unpacked} bytes")
-    points, count = point_rows.allocate_points(file, header.num_points), header.num_points
+    points = point_rows.allocate_points(file, count)
     columns = [  # first all values of one field, then all of the next
         np.frombuffer(unpacked, kind, count, offset * count)
-        for kind, offset in zip(header.types, header.offsets, strict=True)
+        for kind, offset in (header.record.fields or {}).values()
     ]
     points[:] = np.stack(columns[:3], axis=1)
-    colors: UInt8[np.ndarray, "N 3"] | None = None
-    if len(columns) > 3:
-        colors = as_colors(point_rows.unpack_rgb(columns[3]))
-    return RawPoints(points, colors)
+    return RawPoints(points, as_colors(point_rows.unpack_rgb(columns[3])) if len(columns) > 3 else None)
 
 
 _READERS = {"ascii": _read_ascii, "binary": _read_binary, "binary_compressed": _read_compressed}

@@ -7,9 +7,7 @@ References:
 from __future__ import annotations
 
 import itertools
-import math
 import struct
-from collections.abc import Callable, Iterator
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
@@ -35,16 +33,8 @@ _CODES = {
 _TYPES = {name: code for names, code in _CODES.items() for name in names.split()}
 """Type in a header -> its code in `struct` and NumPy."""
 _MAX_VALUES = 10_000_000
-"""Values and lists that are read from rows with lists, one after the other: one to three seconds a million."""
+"""Values and lists that are read from binary rows with lists, one after the other: one to three seconds a million."""
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-
-
-class _Property(NamedTuple):
-    """A value of an element, or a list of values with its length before it (`length_type`)."""
-
-    name: str
-    type: str
-    length_type: str | None = None
 
 
 class _Element(NamedTuple):
@@ -52,12 +42,8 @@ class _Element(NamedTuple):
 
     name: str
     num_rows: int
-    properties: list[_Property]
-
-    @property
-    def has_lists(self) -> bool:
-        """Whether rows differ in length."""
-        return any(one.length_type for one in self.properties)
+    types: dict[str, str]  # name of a property -> type of its values
+    lists: dict[str, str]  # name of a property that is a list -> type of the length before its values
 
 
 def read_ply(file: BoundedFile) -> RawPoints:
@@ -70,26 +56,28 @@ def read_ply(file: BoundedFile) -> RawPoints:
     if "vertex" not in names:
         raise ScanError("the .ply file has no element vertex")
     before, vertex = elements[: names.index("vertex")], elements[names.index("vertex")]
-    missing = {"x", "y", "z"} - {one.name for one in vertex.properties if not one.length_type}
+    missing = {*"xyz"} - vertex.types.keys() | {*"xyz"} & vertex.lists.keys()
     if missing:
         raise ScanError(f"the vertices of the .ply file have no single {', '.join(sorted(missing))}")
-    count = sum(one.num_rows * len(one.properties) for one in (*before, vertex) if one.has_lists)
+    if not byte_order:
+        return _read_ascii(file, sum(element.num_rows for element in before if element.types), vertex)
+    count = sum(one.num_rows * len(one.types) for one in (*before, vertex) if one.lists)
     if count > _MAX_VALUES:
         raise ScanError(
             f"the .ply header promises {count} values in rows with lists, up to the vertices; {_MAX_VALUES} are "
             "read at most: write the vertices first, and without lists"
         )
-    if not byte_order:
-        return _read_ascii(file, before, vertex)
     for element in before:
-        if element.has_lists:
-            _read_lists(file, element, *_make_binary_reader(file, byte_order))
+        size = element.num_rows * sum(struct.calcsize(f"={code}") for code in element.types.values())
+        if element.lists:
+            _read_lists(file, element, byte_order)
+        elif size > file.num_left:
+            raise ScanError(f"the .ply header promises {size} bytes where {file.num_left} are left")
         else:
-            size = sum(struct.calcsize(f"={one.type}") for one in element.properties)
-            _skip_bytes(file, element.num_rows * size)
-    if vertex.has_lists:
-        return RawPoints(_read_lists(file, vertex, *_make_binary_reader(file, byte_order)))
-    record = np.dtype([(one.name, byte_order + one.type) for one in vertex.properties])
+            file.stream.seek(size, 1)
+    if vertex.lists:
+        return RawPoints(_read_lists(file, vertex, byte_order))
+    record = np.dtype([(name, byte_order + code) for name, code in vertex.types.items()])
     return point_rows.read_records(file, record, vertex.num_rows)
 
 
@@ -117,11 +105,12 @@ def _read_header(file: BoundedFile) -> tuple[str, list[_Element]]:
             case ["format", form, "1.0"] if form in _FORMATS:
                 byte_order = _FORMATS[form]
             case ["element", name, count]:
-                elements.append(_Element(name, point_rows.parse_count(count), []))
-            case ["property", "list", length_type, kind, name] if elements:
-                elements[-1].properties.append(_Property(name, _find_type(kind), _find_type(length_type)))
-            case ["property", kind, name] if elements:
-                elements[-1].properties.append(_Property(name, _find_type(kind)))
+                elements.append(_Element(name, point_rows.parse_count(count), {}, {}))
+            case ["property", "list", length_type, kind, name] if elements and name not in elements[-1].types:
+                elements[-1].types[name] = _find_type(kind)
+                elements[-1].lists[name] = _find_type(length_type)
+            case ["property", kind, name] if elements and name not in elements[-1].types:
+                elements[-1].types[name] = _find_type(kind)
             case [] | ["comment", *_] | ["obj_info", *_]:
                 pass
             case _:
@@ -137,68 +126,37 @@ def _find_type(name: str) -> str:
     return _TYPES[name]
 
 
-def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> RawPoints:
-    num_skipped = sum(element.num_rows for element in before if element.properties)
-    if num_skipped + vertex.num_rows > file.num_lines:
-        raise ScanError(
-            f"the .ply header promises {num_skipped + vertex.num_rows} rows in {file.num_lines} lines"
-        )
+def _read_ascii(file: BoundedFile, num_skipped: int, vertex: _Element) -> RawPoints:
+    num_rows = num_skipped + vertex.num_rows
+    if num_rows > file.num_lines:
+        raise ScanError(f"the .ply header promises {num_rows} rows in {file.num_lines} lines")
     lines = (line for line in point_rows.read_lines(file) if not line.isspace())
-    rows = itertools.islice(lines, num_skipped, num_skipped + vertex.num_rows)
-    if vertex.has_lists:
-        words = (word for line in rows for word in line.split())
-        return RawPoints(
-            _read_lists(file, vertex, lambda kind: float(next(words)), _make_word_skipper(words))
+    names = list(vertex.types)
+    wanted = [*"xyz", *(point_rows.COLORS if {*point_rows.COLORS} <= {*names} else ())]
+    columns = [names.index(name) for name in wanted]
+    if any(names.index(name) < max(columns) for name in vertex.lists):
+        raise ScanError(
+            "the .ply file has lists before the coordinates or colors of its vertices; write it without"
         )
-    names = [one.name for one in vertex.properties]
-    wanted = [*"xyz", *(point_rows.COLORS if {*point_rows.COLORS} <= set(names) else ())]
-    values = point_rows.read_text_rows(file, rows, [names.index(name) for name in wanted], comments=None)
+    rows = itertools.islice(lines, num_skipped, num_rows)
+    values = point_rows.read_text_rows(file, rows, columns, comments=None)
     if len(values) != vertex.num_rows:
         raise ScanError(f"the .ply header promises {vertex.num_rows} vertices, the data hold {len(values)}")
     return point_rows.split_colors(values)
 
 
-_Take = Callable[[str], float]  # Returns the next value, of a type
-_Skip = Callable[[str, int], None]  # Moves on by a number of values of a type
-
-
-def _make_binary_reader(file: BoundedFile, byte_order: str) -> tuple[_Take, _Skip]:
+def _read_lists(file: BoundedFile, element: _Element, byte_order: str) -> Float[np.ndarray, "N 3"]:
+    """Read binary rows with lists of any length, one after the other; return x, y, z, where the element has them."""
     kinds = {code: struct.Struct(byte_order + code) for code in _CODES.values()}
-    return (
-        lambda kind: kinds[kind].unpack(file.read_exactly(kinds[kind].size))[0],
-        lambda kind, count: _skip_bytes(file, count * kinds[kind].size),
-    )
-
-
-def _make_word_skipper(words: Iterator[str]) -> _Skip:
-    return lambda kind, count: next(itertools.islice(words, count, count), None)
-
-
-def _skip_bytes(file: BoundedFile, size: int) -> None:
-    if size > file.num_left:
-        raise ScanError(f"the .ply header promises {size} bytes where {file.num_left} are left")
-    file.stream.seek(size, 1)
-
-
-def _read_lists(file: BoundedFile, element: _Element, take: _Take, skip: _Skip) -> Float[np.ndarray, "N 3"]:
-    """Read rows whose lists differ in length, value by value; return x, y, z, where the element has them."""
-    if element.num_rows > file.size:
-        raise ScanError(f"the .ply header promises {element.num_rows} rows in {file.size} bytes")
-    places = [{"x": 0, "y": 1, "z": 2}.get(one.name, 3) for one in element.properties]
-    points, row = point_rows.allocate_points(file, element.num_rows), np.zeros(4)
-    try:
-        for number in range(element.num_rows):
-            for one, place in zip(element.properties, places, strict=True):
-                value = take(one.length_type or one.type)
-                if one.length_type is None:
-                    row[place] = value
-                elif not 0 <= value < math.inf:
-                    raise ScanError(f"the .ply file has a list {one.name} of {value} values")
-                else:
-                    skip(one.type, int(value))
-            points[number] = row[:3]
-    except (StopIteration, ValueError) as error:
-        if isinstance(error, ScanError):
-            raise
-        raise ScanError(f"the .ply file ends or has no number in row {number} of {element.name}") from error
+    if element.num_rows > file.num_left:
+        raise ScanError(f"the .ply header promises {element.num_rows} rows in {file.num_left} bytes")
+    points = point_rows.allocate_points(file, element.num_rows)
+    for row in range(element.num_rows):
+        values: dict[str, float] = {}
+        for name, code in element.types.items():
+            kind = kinds[element.lists.get(name, code)]
+            (values[name],) = kind.unpack(file.read_exactly(kind.size))
+            if name in element.lists:
+                file.read_exactly(int(values[name]) * kinds[code].size)
+        points[row] = [values.get(axis, 0.0) for axis in "xyz"]
     return points

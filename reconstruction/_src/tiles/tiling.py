@@ -92,7 +92,10 @@ def reconstruct_tiles(
     config = config or TilesConfig()
     run_jobs = run_jobs or run_in_processes(workers)
     stream, folder = open_points(source, meters), Path(folder).absolute()
-    positions = None if viewpoints is None else _check_viewpoints(viewpoints) - stream.offset
+    positions = None
+    if viewpoints is not None:
+        seen = Cloud(stream.offset[None], viewpoints=np.asarray(viewpoints))  # checks them
+        positions = seen.viewpoints - stream.offset
     claim_folder(folder)
     with tempfile.TemporaryDirectory(prefix=".working-", dir=folder) as temporary:
         working = Path(temporary)
@@ -150,15 +153,6 @@ def reconstruct_tiles(
     }
     write_index(folder, index)
     return TiledSurface.load(folder)
-
-
-def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
-    places = np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))
-    if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():
-        raise ReconstructionError(
-            f"viewpoints must be finite positions x, y, z in meters, got {viewpoints!r}"
-        )
-    return places
 
 
 def _find_near_viewpoints(

@@ -10,9 +10,9 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from queue import SimpleQueue
 from typing import Any
 
 from reconstruction._src.base.errors import ReconstructionError
@@ -40,21 +40,16 @@ def run_in_processes(workers: int) -> RunJobs:
         return run_here
 
     def run(work: Work, jobs: Sequence[Job]) -> Iterator[Job]:
-        idle: SimpleQueue[subprocess.Popen[str]] = SimpleQueue()
-        processes = [_start(work) for _ in range(min(workers, len(jobs)))]
-        for process in processes:
-            idle.put(process)
+        processes: list[subprocess.Popen[str]] = []
+        own = threading.local()  # each thread has a process
 
-        def ask(job: Job) -> Job:
-            process = idle.get()
-            try:
-                return _ask(process, job)
-            finally:
-                idle.put(process)
+        def begin() -> None:
+            own.process = _start(work)
+            processes.append(own.process)
 
         try:
-            with ThreadPoolExecutor(max(len(processes), 1)) as threads:
-                yield from threads.map(ask, jobs)
+            with ThreadPoolExecutor(workers, initializer=begin) as threads:
+                yield from threads.map(lambda job: _ask(own.process, job), jobs)
         finally:
             for process in processes:
                 process.kill()

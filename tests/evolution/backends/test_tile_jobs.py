@@ -34,7 +34,8 @@ def test_a_cluster_gives_what_this_process_gives(tmp_path: Path) -> None:
 
     def make_jobs(name: str) -> list[dict]:
         return [
-            common | {"place": [i, 0], "seed": i, "surface": str(tmp_path / f"{name}_{i}.npz")} for i in range(3)
+            common | {"place": [i, 0], "seed": i, "surface": str(tmp_path / f"{name}_{i}.npz")}
+            for i in range(3)
         ]
 
     assert list(run_in_cluster(2)(reconstruct_tile, make_jobs("a"))) == list(
