@@ -45,8 +45,7 @@ class Cloud:
             colors = np.asarray(self.colors)
             if colors.dtype != np.uint8 or colors.shape != points.shape:
                 raise ScanError(
-                    f"colors must be bytes red, green, blue for {len(points)} points, not {colors.dtype} of shape "
-                    f"{colors.shape}"
+                    f"colors must be bytes for {len(points)} points, not {colors.dtype} {colors.shape}"
                 )
             object.__setattr__(self, "colors", colors)
         if self.viewpoints is None:

@@ -27,7 +27,7 @@ from reconstruction._src.base.bounded_read import (
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, make_frame
+from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, to_meters
 from reconstruction._src.scans.mesh_files import CONVERTERS, check_plain, find_kind, read_mesh_points
 from reconstruction._src.scans.pcd import read_pcd
 from reconstruction._src.scans.ply import read_ply, write_ply
@@ -167,11 +167,10 @@ def _make_cloud(
     finite = np.isfinite(raw.points).all(axis=1)
     chosen = slice(None) if finite.all() else finite
     try:
-        frame = make_frame(raw, unit, up, scale)
         cloud = Cloud(
-            frame.place(raw.points[chosen]),
+            to_meters(raw.points[chosen], raw, unit, up, scale),
             None if raw.colors is None else raw.colors[chosen],
-            None if raw.viewpoints is None else frame.place(raw.viewpoints),
+            None if raw.viewpoints is None else to_meters(raw.viewpoints, raw, unit, up, scale),
             None if raw.seen_from is None else raw.seen_from[chosen],
         )
         if viewpoints is not None:
@@ -214,7 +213,7 @@ def _read_raw(path: Path, max_bytes: float) -> RawPoints:
     num_finite = int(np.isfinite(raw.points).all(axis=1).sum())
     if num_finite < _MIN_POINTS:
         raise ScanError(
-            f"{path}: {len(raw.points)} points, {num_finite} of them finite; at least {_MIN_POINTS} are needed"
+            f"{path}: {num_finite} of {len(raw.points)} points are finite; {_MIN_POINTS} are needed"
         )
     return raw
 

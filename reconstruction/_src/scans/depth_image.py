@@ -79,14 +79,10 @@ def load_depth_image(
     path = Path(path)
     kind = path.suffix.lower()
     if kind not in _DEPTH_ENDINGS:
-        raise ScanError(
-            f"{path}: {kind or 'a file without ending'} is no depth image; use {', '.join(_DEPTH_ENDINGS)}"
-        )
+        raise ScanError(f"{path}: {kind or 'no ending'} is no depth image; use {', '.join(_DEPTH_ENDINGS)}")
     depth = _read_image(path, max_bytes)
     if depth.ndim != 2 or depth.dtype.kind not in "fiu" or depth.dtype.itemsize < 2:
-        raise ScanError(
-            f"{path}: holds {depth.dtype} of shape {depth.shape}; a depth image has one channel of 16 bits or more"
-        )
+        raise ScanError(f"{path}: {depth.dtype} of shape {depth.shape}, not one channel of 16 bits or more")
     factor = depth_scale if depth_scale is not None else 1.0 if depth.dtype.kind == "f" else _MILLIMETER
     if not 0 < factor < math.inf:
         raise ScanError(f"{path}: depth_scale must be above 0, got {depth_scale}")
@@ -100,9 +96,7 @@ def load_depth_image(
     meters = depth.astype(np.float64) * factor
     is_seen = np.isfinite(meters) & (meters > 0) & (meters <= max_depth)
     if is_seen.sum() < _MIN_PIXELS:
-        raise ScanError(
-            f"{path}: {int(is_seen.sum())} of {depth.size} pixels have a depth; is the scale right?"
-        )
+        raise ScanError(f"{path}: {is_seen.sum()} of {depth.size} pixels have a depth; is the scale right?")
     v, u = np.nonzero(is_seen)
     ahead = meters[is_seen]
     rays = np.stack(

@@ -45,24 +45,14 @@ class RawPoints(NamedTuple):
     num_ignored: int = 0  # points that the file itself marks as unusable; they are left out
 
 
-class Frame(NamedTuple):
-    """How coordinates of a file become meters with z up."""
-
-    rotation: Float[np.ndarray, "3 3"]  # the file's axes -> ours
-    factor: float  # meters in a unit of the file, with a further scale
-
-    def place(self, positions: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
-        """Return positions of the file in meters with z up; themselves where they are."""
-        if self.factor != 1:
-            positions = positions * self.factor
-        if np.array_equal(self.rotation, np.eye(3)):
-            return positions
-        axes, signs = np.abs(self.rotation).argmax(axis=1), self.rotation.sum(axis=1)
-        return positions[:, axes] * signs  # no sums of products: exact
-
-
-def make_frame(raw: RawPoints, unit: str | None = None, up: str | None = None, scale: float = 1.0) -> Frame:
-    """Return the frame of a file: what the caller says, else what the file says, else meters with z up."""
+def to_meters(
+    positions: Float[np.ndarray, "N 3"],
+    raw: RawPoints,
+    unit: str | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+) -> Float[np.ndarray, "N 3"]:
+    """Return positions of a file in meters with z up, by what the caller says, else the file; themselves where so."""
     if unit is not None and unit not in UNITS:
         raise ScanError(f"unknown unit {unit!r}; there are: {', '.join(UNITS)}")
     up = up or raw.up or "z"
@@ -71,7 +61,10 @@ def make_frame(raw: RawPoints, unit: str | None = None, up: str | None = None, s
     if not 0 < scale < math.inf:
         raise ScanError(f"scale must be above 0, got {scale}")
     meters = UNITS[unit] if unit is not None and not raw.has_fixed_unit else raw.meters or 1.0
-    return Frame(np.array(UP_AXES[up], float), meters * scale)
+    matrix = meters * scale * np.array(UP_AXES[up], float)
+    return (
+        positions if np.array_equal(matrix, np.eye(3)) else positions @ matrix.T
+    )  # exact: one factor a column
 
 
 def find_offset(positions: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 3"]:

@@ -109,9 +109,7 @@ def localize(log: ScanLog, progress: Progress = silent, *, priors: NoisePriors |
     """
     priors, scans = priors or NoisePriors(), log.horizontal
     if scans is None:
-        raise ScanError(
-            "the log has no horizontal scans to localize the robot by; give poses with the ScanLog"
-        )
+        raise ScanError("the log has no horizontal scans to localize by; give poses with the ScanLog")
     place = scans.mount[:3, 3]
     height = float(place[2])
     declination = estimate_declination(log, priors)

@@ -13,7 +13,7 @@ import numpy as np
 from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError, check_size, open_bounded
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.scans.frames import RawPoints, find_offset, make_frame
+from reconstruction._src.scans.frames import RawPoints, find_offset, to_meters
 from reconstruction._src.scans.ply import find_num_faces
 from reconstruction._src.scans.text_points import has_obj_faces
 
@@ -86,7 +86,7 @@ def load_mesh(
     path = Path(path)
     try:
         mesh, raw = _read(path, max_bytes)
-        vertices = make_frame(raw, unit, up, scale).place(raw.points)
+        vertices = to_meters(raw.points, raw, unit, up, scale)
     except (ScanError, UnreadableFileError) as error:
         raise ScanError(f"{path}: {error}") from error
     offset = find_offset(vertices)

@@ -100,10 +100,10 @@ def select_needed_beams(log: ScanLog, is_mixed: Bool[np.ndarray, "S B"]) -> Bool
         return is_needed
     gap, _ = cKDTree(points[~is_dropped]).query(points[chosen])
     chosen = chosen[gap > _MAX_GAP]
-    found = find_flat(points, chosen, _FLAT_NEIGHBORS, _FLATNESS)
+    is_flat, _, _, normals = find_flat(points, chosen, _FLAT_NEIGHBORS, _FLATNESS)
     ray = points[chosen] - log.poses[place[chosen] // is_mixed.shape[1], :3, 3]
-    cosine = np.abs(sum_rows(found.normals * ray)) / np.maximum(compute_lengths(ray), 1e-300)
-    is_needed.ravel()[place[chosen[found.is_flat & (cosine > _MIN_COSINE)]]] = True
+    cosine = np.abs(sum_rows(normals * ray)) / np.maximum(compute_lengths(ray), 1e-300)
+    is_needed.ravel()[place[chosen[is_flat & (cosine > _MIN_COSINE)]]] = True
     return is_needed
 
 

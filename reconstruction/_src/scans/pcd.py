@@ -10,7 +10,7 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, UInt32
+from jaxtyping import Float
 
 from reconstruction._src.base.bounded_read import BoundedFile, check_size
 from reconstruction._src.base.errors import ScanError
@@ -69,9 +69,7 @@ def _find_viewpoint(
         values = []
     if len(values) != len(_UNKNOWN_VIEWPOINT) or not np.isfinite(values).all():
         text = " ".join(words["VIEWPOINT"])[:60]
-        raise ScanError(
-            f"VIEWPOINT of the .pcd header is {text!r}, not position x y z and quaternion w x y z"
-        )
+        raise ScanError(f"VIEWPOINT is {text!r}, not position x y z and quaternion w x y z")
     is_ordered = int(words["HEIGHT"][0]) > 1
     if values == _UNKNOWN_VIEWPOINT and not (is_ordered and is_plausible_origin(points)):
         return None
@@ -116,31 +114,24 @@ def _check_header(words: dict[str, list[str]]) -> _Header:
 
 def _read_ascii(file: BoundedFile, header: _Header) -> RawPoints:
     if header.num_points * header.num_columns * _MIN_NUMBER_BYTES > file.num_left + 1:
-        raise ScanError(
-            f"the .pcd header promises {header.num_points} points of {header.num_columns} numbers "
-            f"in {file.num_left} bytes"
-        )
+        raise ScanError(f"the .pcd header promises {header.num_points} points in {file.num_left} bytes")
     lines = point_rows.read_lines(file)
     first = next(lines, "")
     if len(first.split()) != header.num_columns:
-        raise ScanError(
-            f"the .pcd header promises {header.num_columns} numbers a point, the first has {len(first.split())}"
-        )
+        raise ScanError(f"the .pcd header promises {header.num_columns} numbers a point: {first[:60]!r}")
     values = point_rows.read_text_rows(file, itertools.chain([first], lines), header.columns)
     if len(values) != header.num_points:
         raise ScanError(f"the .pcd header promises {header.num_points} points, the data hold {len(values)}")
-    colors = None
-    if len(header.columns) > 3:
-        colors = as_colors(point_rows.unpack_rgb(_pack(values[:, 3], header.has_float_color)))
-    return RawPoints(np.ascontiguousarray(values[:, :3]), colors)
-
-
-def _pack(values: Float[np.ndarray, " N"], is_float: bool) -> UInt32[np.ndarray, " N"]:
-    """Return the bytes of colors that were written as numbers; 0 where a number is no color."""
-    if is_float:
+    raw = point_rows.split_colors(values[:, :3])
+    if len(header.columns) == 3:
+        return raw
+    packed = values[:, 3]  # the bytes of a color, written as a number
+    if header.has_float_color:
         with np.errstate(over="ignore"):
-            return np.asarray(values, np.float32).view(np.uint32)
-    return np.where((values >= 0) & (values < 2.0**32), values, 0).astype(np.uint32)
+            packed = packed.astype(np.float32).view(np.uint32)
+    else:
+        packed = np.where((packed >= 0) & (packed < 2.0**32), packed, 0).astype(np.uint32)
+    return raw._replace(colors=as_colors(point_rows.unpack_rgb(packed)))
 
 
 def _read_binary(file: BoundedFile, header: _Header) -> RawPoints:
@@ -153,9 +144,7 @@ def _read_compressed(file: BoundedFile, header: _Header) -> RawPoints:
     count, size = header.num_points, header.record.itemsize
     num_packed, num_unpacked = np.frombuffer(file.read_exactly(8), "<u4").tolist()
     if num_unpacked != count * size:
-        raise ScanError(
-            f"the .pcd header promises {count} points of {size} bytes, the compressed data {num_unpacked} bytes"
-        )
+        raise ScanError(f"the .pcd header promises {count * size} bytes, the compressed data {num_unpacked}")
     check_size(num_unpacked, file.max_bytes)
     unpacked = lzf.decompress(file.read_exactly(num_packed), num_unpacked)
     if unpacked is None or len(unpacked) != num_unpacked:

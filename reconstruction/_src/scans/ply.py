@@ -64,8 +64,7 @@ def read_ply(file: BoundedFile) -> RawPoints:
     count = sum(one.num_rows * len(one.types) for one in (*before, vertex) if one.lists)
     if count > _MAX_VALUES:
         raise ScanError(
-            f"the .ply header promises {count} values in rows with lists, up to the vertices; {_MAX_VALUES} are "
-            "read at most: write the vertices first, and without lists"
+            f"{count} values in rows with lists are too many; write the vertices first, without lists"
         )
     for element in before:
         size = element.num_rows * sum(struct.calcsize(f"={code}") for code in element.types.values())
@@ -135,9 +134,7 @@ def _read_ascii(file: BoundedFile, num_skipped: int, vertex: _Element) -> RawPoi
     wanted = [*"xyz", *(point_rows.COLORS if {*point_rows.COLORS} <= {*names} else ())]
     columns = [names.index(name) for name in wanted]
     if any(names.index(name) < max(columns) for name in vertex.lists):
-        raise ScanError(
-            "the .ply file has lists before the coordinates or colors of its vertices; write it without"
-        )
+        raise ScanError("the vertices of the .ply file have lists before their coordinates; write them last")
     rows = itertools.islice(lines, num_skipped, num_rows)
     values = point_rows.read_text_rows(file, rows, columns, comments=None)
     if len(values) != vertex.num_rows:

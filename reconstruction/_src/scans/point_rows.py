@@ -35,9 +35,7 @@ def check_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
     except (TypeError, ValueError) as error:
         raise ReconstructionError(f"points must be real numbers of the shape [N, 3]: {error}") from error
     if array.ndim != 2 or array.shape[1] != 3:
-        raise ReconstructionError(
-            f"points must have the shape [N, 3], got {list(array.shape)}; one row x, y, z per point"
-        )
+        raise ReconstructionError(f"points must have the shape [N, 3], got {list(array.shape)}")
     if len(array) < _MIN_POINTS:
         raise ReconstructionError(f"a surface needs at least {_MIN_POINTS} points, got {len(array)}")
     array = np.ascontiguousarray(array, dtype=np.float64)
@@ -175,7 +173,7 @@ def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> RawPo
     """
     if num_records * record.itemsize > file.num_left or record.itemsize > _MAX_LINE:
         raise ScanError(
-            f"the header promises {num_records} points of {record.itemsize} bytes, but {file.num_left} bytes follow"
+            f"the header promises {num_records} x {record.itemsize} bytes, {file.num_left} follow"
         )
     names = record.names or ()
     points, step = allocate_points(file, num_records), max(_MAX_LINE // record.itemsize, 1)

@@ -96,7 +96,7 @@ class ScanLog:
         num_scans, num_beams = ranges.shape
         if angles.shape != (num_beams,):
             raise ScanError(
-                f"angles has {len(angles)} entries, but ranges {ranges.shape} has {num_beams} beams a scan"
+                f"angles has {len(angles)} entries, ranges {ranges.shape} has {num_beams} beams a scan"
             )
         if poses.shape != (num_scans, 4, 4):
             raise ScanError(f"poses has shape {poses.shape}; ranges {ranges.shape} needs ({num_scans}, 4, 4)")
@@ -119,8 +119,7 @@ class ScanLog:
             colors = np.asarray(self.colors)
             if colors.dtype != np.uint8 or colors.shape != (*ranges.shape, 3):
                 raise ScanError(
-                    f"colors must be bytes red, green, blue of shape {(*ranges.shape, 3)}, "
-                    f"not {colors.dtype} of {colors.shape}"
+                    f"colors must be bytes of shape {(*ranges.shape, 3)}, not {colors.dtype} {colors.shape}"
                 )
             object.__setattr__(self, "colors", colors)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, overload
+from typing import overload
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -213,32 +213,25 @@ def find_sparse_points(
         return np.zeros(len(points), bool)
     if keep_flat:
         chosen = np.flatnonzero(is_sparse)
-        found = find_flat(points, chosen, _FLAT_NEIGHBORS, _FLATNESS)
+        is_flat, is_alike, neighbors, _ = find_flat(points, chosen, _FLAT_NEIGHBORS, _FLATNESS)
         is_kept = ~is_sparse
-        is_kept[chosen] = found.is_flat
+        is_kept[chosen] = is_flat
         # The edge of a far wall is not flat itself, but most of its neighbors are.
-        is_edge = found.is_alike & (is_kept[found.neighbors].mean(axis=1) > _KEPT_SHARE)
-        is_sparse[chosen] = ~(found.is_flat | is_edge)
+        is_sparse[chosen] = ~(is_flat | (is_alike & (is_kept[neighbors].mean(axis=1) > _KEPT_SHARE)))
     return is_sparse
-
-
-class Surroundings(NamedTuple):
-    """What the neighbors of some points show."""
-
-    is_flat: Bool[np.ndarray, " S"]  # whether a point lies with them on a plane, and is as sparse as they are
-    is_alike: Bool[np.ndarray, " S"]  # whether it is as sparse as they are
-    neighbors: Int[np.ndarray, "S K"]  # their indices
-    normals: Float[np.ndarray, "S 3"]  # of the planes through them
 
 
 def find_flat(
     points: Float[np.ndarray, "N 3"], chosen: Int[np.ndarray, " S"], num_neighbors: int, max_flatness: float
-) -> Surroundings:
-    """Find which of the chosen points lie with their neighbors on a plane, and which are as sparse as these."""
+) -> tuple[Bool[np.ndarray, " S"], Bool[np.ndarray, " S"], Int[np.ndarray, "S K"], Float[np.ndarray, "S 3"]]:
+    """Find which chosen points are as sparse as their neighbors and on a plane with them, and which are as sparse.
+
+    Returns both, the indices of the neighbors, and the normals of the planes through them.
+    """
     num_neighbors = min(num_neighbors, len(points) - 1)
     if not len(chosen) or num_neighbors < 1:
         none = np.zeros(len(chosen), bool)
-        return Surroundings(none, none, np.zeros((len(chosen), 1), np.int64), np.zeros((len(chosen), 3)))
+        return none, none, np.zeros((len(chosen), 1), np.int64), np.zeros((len(chosen), 3))
     tree = cKDTree(points)
     distances, neighbors = tree.query(points[chosen], k=num_neighbors + 1)
     others = np.unique(neighbors)
@@ -248,7 +241,7 @@ def find_flat(
     variance, axes = np.linalg.eigh(np.swapaxes(offset, 1, 2) @ offset)
     is_alike = distances[:, -1] < _MAX_LONELINESS * np.median(reach[neighbors], axis=1)
     is_flat = is_alike & (variance[:, 0] < max_flatness * variance[:, 2])
-    return Surroundings(is_flat, is_alike, neighbors[:, 1:], axes[:, :, 0])
+    return is_flat, is_alike, neighbors[:, 1:], axes[:, :, 0]
 
 
 def _find_cell(points: Float[np.ndarray, "N 3"]) -> float:

@@ -55,9 +55,7 @@ class SlipReadings:
             if array.shape != wanted:
                 raise ScanError(f"slip readings: {name} has shape {array.shape}; {count} times need {wanted}")
             if not np.isfinite(array).all():
-                raise ScanError(
-                    f"slip readings: {name} must be finite; leave out the ticks without a reading"
-                )
+                raise ScanError(f"slip readings: {name} must be finite; leave out ticks without a reading")
             object.__setattr__(self, name, array)
         object.__setattr__(self, "mass", float(self.mass))
         if not 0.0 < self.mass < np.inf:

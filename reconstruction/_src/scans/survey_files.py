@@ -214,10 +214,8 @@ def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> Raw
         [kind + end for end in _AXES[kind]] + [*_COLORS] * has_colors + [f"{kind}InvalidState"] * has_state
     )
     columns = _read_columns(file, header, names)
-    if kind == "spherical":  # ASTM E2807, 8.4.4
-        distance, azimuth, elevation = columns[:3]
-        level = distance * np.cos(elevation)
-        columns[:3] = level * np.cos(azimuth), level * np.sin(azimuth), distance * np.sin(elevation)
+    if kind == "spherical":
+        columns[:3] = to_cartesian(columns[:3])
     points = columns[:3].T
     is_trusted = not pose.is_identity or (is_alone and {*_GRID} <= fields and is_plausible_origin(points))
     is_usable = columns[-1] == 0 if has_state else np.ones(len(points), bool)
@@ -227,6 +225,13 @@ def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> Raw
         pose.translation[None] if is_trusted else None,
         num_ignored=int((~is_usable).sum()),
     )
+
+
+def to_cartesian(polar: Float[np.ndarray, "3 N"]) -> Float[np.ndarray, "3 N"]:
+    """Return range, azimuth and elevation as x, y, z (ASTM E2807, 8.4.4)."""
+    distance, azimuth, elevation = polar
+    level = distance * np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), distance * np.sin(elevation)])
 
 
 def _read_columns(file: pye57.E57, header: Any, names: Sequence[str]) -> Float[np.ndarray, "C N"]:

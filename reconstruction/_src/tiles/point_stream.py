@@ -56,7 +56,7 @@ class TilesConfig:
                 raise ReconstructionError(f"{name} is {value}; a number above 0 is needed")
         if self.halo is not None and not 0 < self.halo <= self.tile / 2:
             raise ReconstructionError(
-                f"halo is {self.halo}; above 0 and up to half of the tile ({self.tile / 2:g} m)"
+                f"halo is {self.halo}; above 0 and up to half of the tile of {self.tile:g} m"
             )
 
     @property

@@ -133,9 +133,7 @@ def reconstruct_tiles(
     ]
     if not entries:
         problems = {report["problem"] for report in reports if report["problem"]}
-        raise ReconstructionError(
-            f"no tile has a surface: {'; '.join(sorted(problems)) or 'there are no points'}"
-        )
+        raise ReconstructionError(f"no tile has a surface: {'; '.join(sorted(problems)) or 'no points'}")
     num_points = sum(bucket.num_points for bucket in buckets)
     lost = num_points - sum(entry["points"] for entry in entries)
     if lost:

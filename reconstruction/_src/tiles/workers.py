@@ -75,7 +75,7 @@ def _ask(process: subprocess.Popen[str], job: Job) -> Job:
         line = ""
     if not line:
         raise ReconstructionError(
-            f"a worker died on tile {job.get('place')}; memory may be short: take fewer workers or smaller tiles"
+            f"a worker died on tile {job.get('place')}; take fewer workers or smaller tiles"
         )
     return json.loads(line)
 

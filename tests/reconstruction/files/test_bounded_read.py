@@ -55,18 +55,6 @@ def test_the_limit_is_the_last_byte(tmp_path: Path, packing: str) -> None:
             pass
 
 
-def test_a_limit_must_be_a_limit(tmp_path: Path) -> None:
-    (tmp_path / "a.txt").write_text("x")
-    with pytest.raises(UnreadableFileError, match="above 0"), open_bounded(tmp_path / "a.txt", max_bytes=0):
-        pass
-
-
-def test_errors_of_the_reader_stay_what_they_are(tmp_path: Path) -> None:
-    (tmp_path / "a.txt").write_text("x")
-    with pytest.raises(KeyError), open_bounded(tmp_path / "a.txt"):
-        raise KeyError("x")
-
-
 def test_arrays_come_back_as_they_were() -> None:
     found = read_npz(io.BytesIO(pack(**ARRAYS)))
     assert list(found) == list(ARRAYS)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from benchmarks.large_scans import measure_surface
-from benchmarks.material.landscape import make_landscape, sample_scan, write_scan
+from benchmarks.material.landscape import make_landscape, sample_scan
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.tiles.folder import INDEX, TiledSurface
 from reconstruction._src.tiles.point_stream import TilesConfig
-from reconstruction._src.tiles.tiling import choose_units, reconstruct_tile, reconstruct_tiles
+from reconstruction._src.tiles.tiling import reconstruct_tile, reconstruct_tiles
 from reconstruction._src.tiles.workers import run_here, run_in_processes
 
 EXTENT, NOISE = 20.0, 0.01
@@ -83,14 +83,6 @@ def test_far_coordinates_give_the_same_surface(tiles, tmp_path):
     assert np.allclose(low[:2], tiles.mesh().bounds[0][:2], atol=0.3)
 
 
-def test_units_come_from_a_ladder():
-    points = np.random.default_rng(0).uniform(0, 12, (4000, 3))
-    assert choose_units(points, TilesConfig(tile=10.0)) == 181  # of 200; 2^7.5
-    assert choose_units(points[:3700], TilesConfig(tile=10.0)) == 181  # of 185
-    assert choose_units(points, TilesConfig(tile=10.0, units_per_area=0.5)) == 64  # of 0.5 x 144
-    assert choose_units(points[:400], TilesConfig(tile=10.0)) == 0
-
-
 def test_tiles_with_few_points_are_counted(tmp_path, caplog):
     points = np.concatenate([make_points(), [[35.0, 5.0, 0.0]] * 40])
     with caplog.at_level(logging.WARNING):
@@ -99,13 +91,6 @@ def test_tiles_with_few_points_are_counted(tmp_path, caplog):
     assert "40 of the points lie in tiles with too few for a surface" in caplog.text
     with pytest.raises(ReconstructionError, match="no tile has a surface: 40 points are too few"):
         reconstruct_tiles(points[-40:], tmp_path / "none", CONFIG, is_raw=True)
-
-
-def test_a_point_on_the_rim_makes_no_tile(tmp_path):
-    tiles = reconstruct_tiles(
-        np.concatenate([make_points(), [[EXTENT, 5.0, 0.0]]]), tmp_path / "tiles", CONFIG
-    )
-    assert tiles.places == ((0, 0), (0, 1), (1, 0), (1, 1))
 
 
 def test_a_folder_of_others_is_refused_and_one_of_tiles_replaced(tiles, tmp_path):
@@ -164,13 +149,6 @@ def test_processes_answer_in_order_and_their_end_is_told(tmp_path):
         list(run_in_processes(2)(reconstruct_tile, [{"place": [0, 0]}, {"place": [1, 0]}]))
     with pytest.raises(ReconstructionError, match="workers is 0"):
         run_in_processes(0)
-
-
-def test_a_streamed_scan_is_that_of_one_array(tmp_path):
-    write_scan(tmp_path / "scan.npy", LANDSCAPE, 1000)
-    rows = np.load(tmp_path / "scan.npy")
-    assert rows.shape == (1000, 3)
-    assert np.abs(rows[:, 2] - LANDSCAPE.height(*rows[:, :2].astype(float).T)).std() < 0.05
 
 
 def test_tiles_look_to_where_they_were_seen_from(tmp_path):
