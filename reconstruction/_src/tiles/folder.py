@@ -17,7 +17,6 @@ from reconstruction._src.base.atomic_write import find_leftovers, write_atomical
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.typed_json import JsonError, read_json
-from reconstruction._src.surfaces.color import add_alpha
 from reconstruction._src.tiles.point_stream import Place
 from reconstruction._src.tiles.seams import Surface
 
@@ -45,15 +44,12 @@ class TiledSurface:
                 raise ValueError("written by a newer version")
             if index["complete"] is not True:
                 raise ValueError("the reconstruction did not end; start it again")
-            places = tuple(
-                (int(column), int(row)) for column, row in (entry["place"] for entry in index["tiles"])
-            )
+            entries = [entry["place"] for entry in index["tiles"]]
+            places = tuple((int(column), int(row)) for column, row in entries)
             x, y, z = (float(value) for value in index["offset"])
             return cls(folder, float(index["tile"]), (x, y, z), places)
         except (JsonError, KeyError, TypeError, ValueError) as error:
-            raise ReconstructionError(
-                f"{folder / INDEX}: no index of tiles ({error}); reconstruct again"
-            ) from error
+            raise ReconstructionError(f"{folder / INDEX}: no index of tiles ({error})") from error
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 2"]:
@@ -74,25 +70,14 @@ class TiledSurface:
         middle = self.bounds.mean(axis=0) if center is None else np.asarray(center, dtype=np.float64)[:2]
         places = self.find_places(middle, radius)
         if not places:
-            low, high = self.bounds
+            there = " to ".join(str(corner.tolist()) for corner in self.bounds)
             raise ReconstructionError(
-                f"no tile within {radius:g} m of {middle.tolist()}; "
-                f"there are tiles from {low.tolist()} to {high.tolist()} m"
+                f"no tile within {radius:g} m of {middle.tolist()}; there are {there} m"
             )
-        surfaces, colors = zip(
-            *(read_surface(self.folder / name_tile(place)) for place in places), strict=True
-        )
-        counts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-        vertices = np.concatenate([surface.vertices for surface in surfaces])
-        faces = np.concatenate(
-            [surface.faces + count for surface, count in zip(surfaces, counts, strict=False)]
-        )
-        # Both sides of a seam have the same vertices.
-        different, first, numbers = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-        mesh = trimesh.Trimesh(different, numbers.reshape(-1)[faces], process=False)
-        if all(part is not None for part in colors):
-            together = add_alpha(np.concatenate(colors)[first])
-            mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=together)
+        parts = [read_surface(self.folder / name_tile(place)) for place in places]
+        meshes = [trimesh.Trimesh(*part, vertex_colors=colors, process=False) for part, colors in parts]
+        mesh = trimesh.util.concatenate(meshes)
+        mesh.merge_vertices()  # both sides of a seam have the same ones
         return mesh
 
 

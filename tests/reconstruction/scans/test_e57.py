@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from damage import draw_damaged
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -118,10 +119,7 @@ def test_damaged_files_give_points_or_the_error(tmp_path: Path, data: st.DataObj
     path = tmp_path / "a.e57"
     if not path.exists():
         write(path, (columns(colors=COLORS), TURN, np.ones(3)))
-    content = bytearray(path.read_bytes())
-    for _ in range(data.draw(st.integers(1, 6))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    (tmp_path / "b.e57").write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    (tmp_path / "b.e57").write_bytes(draw_damaged(data, path.read_bytes()))
     try:
         cloud = load_cloud(tmp_path / "b.e57", max_bytes=1e6)
     except ScanError:

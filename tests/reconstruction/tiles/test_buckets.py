@@ -72,6 +72,8 @@ def test_las_is_read_in_chunks(tmp_path, monkeypatch):
     points = np.random.default_rng(0).uniform(0, 50, (250, 3)) + FAR
     header = laspy.LasHeader(point_format=3, version="1.2")
     header.offsets, header.scales = points.min(axis=0), np.full(3, 1e-4)
+    text = 'COMPD_CS["x",PROJCS["p",UNIT["foot",0.3048]],VERT_CS["h",UNIT["metre",1.0]]]'
+    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(text))
     las = laspy.LasData(header)
     las.x, las.y, las.z = points.T
     classes = np.full(250, 2)
@@ -81,8 +83,11 @@ def test_las_is_read_in_chunks(tmp_path, monkeypatch):
     stream = open_points(tmp_path / "scan.las")
     chunks = list(stream.chunks())
     assert [len(chunk) for chunk in chunks] == [95, 100, 50]
-    assert np.allclose(np.concatenate(chunks), points[5:], atol=1e-3)
-    assert np.allclose(stream.offset, np.round(points.mean(axis=0)), atol=5)
+    factors = np.array([0.3048, 0.3048, 1.0])  # the file states feet, and meters of height
+    assert np.allclose(np.concatenate(chunks), points[5:] * factors, atol=1e-3)
+    assert np.allclose(stream.offset, np.round(points.mean(axis=0) * factors), atol=5)
+    given = next(open_points(tmp_path / "scan.las", meters=1.0).chunks())
+    assert np.allclose(given[:, :2], points[5:100, :2], atol=1e-3)
 
 
 def test_without_laspy_the_extra_is_named(tmp_path, monkeypatch):
@@ -117,21 +122,3 @@ def test_files_that_are_none_are_refused(tmp_path):
     (tmp_path / "text.npy").write_text("hello")
     with pytest.raises(ScanError, match="not an array of numbers"):
         open_points(tmp_path / "text.npy")
-
-
-def test_the_unit_of_a_las_file_is_looked_up(tmp_path):
-    laspy = pytest.importorskip("laspy", reason="the extra `formats` is not installed")
-    from laspy.vlrs.known import WktCoordinateSystemVlr
-
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.scales = np.full(3, 0.001)
-    header.vlrs.append(
-        WktCoordinateSystemVlr('COMPD_CS["x",PROJCS["p",UNIT["foot",0.3048]],VERT_CS["h",UNIT["metre",1.0]]]')
-    )
-    data = laspy.LasData(header)
-    data.xyz = np.array([[10.0, 20.0, 3.0], [11.0, 20.0, 4.0], [10.0, 22.0, 5.0]])
-    data.write(tmp_path / "feet.las")
-    (stated,) = open_points(tmp_path / "feet.las").chunks()
-    np.testing.assert_allclose(stated[0], [3.048, 6.096, 3.0])
-    (given,) = open_points(tmp_path / "feet.las", meters=1.0).chunks()
-    np.testing.assert_allclose(given[0, :2], [10.0, 20.0])

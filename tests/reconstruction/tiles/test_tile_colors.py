@@ -11,7 +11,7 @@ from reconstruction._src.tiles.folder import read_surface
 CONFIG = rc.TilesConfig(tile=10.0)
 
 
-def make_field(num: int = 12_000) -> rc.Cloud:
+def make_field(num: int = 6000) -> rc.Cloud:
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(0, 20, num), rng.uniform(0, 10, num), rng.normal(0, 0.01, num)])
     return rc.Cloud(points, np.round(255 * paint(points)).astype(np.uint8))
@@ -36,7 +36,7 @@ def test_tiles_have_the_colors_of_their_points(tmp_path):
 
 
 def test_files_of_points_bring_their_colors(tmp_path):
-    cloud = make_field(6000)
+    cloud = make_field()
     rows = np.column_stack([cloud.points, cloud.colors])
     np.savetxt(tmp_path / "a.xyz", rows, fmt=["%.4f"] * 3 + ["%d"] * 3)
     mesh = rc.reconstruct_tiles(tmp_path / "a.xyz", tmp_path / "tiles", CONFIG).mesh()

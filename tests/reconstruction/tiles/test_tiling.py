@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.large_scans import measure_surface
 from benchmarks.material.landscape import make_landscape, sample_scan
-from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.tiles.folder import INDEX, TiledSurface
 from reconstruction._src.tiles.point_stream import TilesConfig
 from reconstruction._src.tiles.tiling import reconstruct_tile, reconstruct_tiles
@@ -59,9 +59,7 @@ def test_tiles_around_a_place_are_chosen(tiles):
     part, whole = tiles.mesh((1.0, 1.0), 2.0), tiles.mesh()
     assert part.bounds[1][0] == 10.0
     assert len(whole.faces) > 3 * len(part.faces)
-    with pytest.raises(
-        ReconstructionError, match=r"no tile within 1 m of \[100.0, 0.0\]; there are tiles from"
-    ):
+    with pytest.raises(ReconstructionError, match=r"no tile within 1 m of \[100.0, 0.0\]; there are"):
         tiles.mesh((100.0, 0.0), 1.0)
 
 
@@ -157,5 +155,5 @@ def test_tiles_look_to_where_they_were_seen_from(tmp_path):
     below = np.array([[5.0, 5.0, -30.0], [15.0, 15.0, -30.0]]) + FAR
     seen = reconstruct_tiles(tmp_path / "points.npy", tmp_path / "seen", CONFIG, viewpoints=below)
     assert (seen.mesh().face_normals[:, 2] < 0).mean() > 0.99
-    with pytest.raises(ReconstructionError, match="viewpoints must be finite positions"):
+    with pytest.raises(ScanError, match="viewpoints must be finite"):
         reconstruct_tiles(tmp_path / "points.npy", tmp_path / "bad", CONFIG, viewpoints=[0.0, np.nan, 1.0])
