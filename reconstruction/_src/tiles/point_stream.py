@@ -144,23 +144,15 @@ def _drop_broken(points: Float[np.ndarray, "N columns"]) -> Float[np.ndarray, "M
     return points if is_finite.all() else points[is_finite]
 
 
-class Bucket(NamedTuple):
-    """The points of a tile."""
-
-    place: Place  # column and row of the tile
-    num_points: int  # points in the tile itself
-    with_halo: int  # points in the tile and its halo, which are in the file
-
-
 def fill_buckets(
     stream: PointStream, folder: Path, config: TilesConfig, progress: Progress = silent
-) -> list[Bucket]:
+) -> Counter[Place]:
     """Write the points of each tile and its halo into a file of its own, in single precision from its corner.
 
     Memory is that of a chunk, however many points there are; the disk needs 12 bytes a point, and the halo's share.
+    Returns how many points lie in each tile itself.
     """
     counts: Counter[Place] = Counter()
-    with_halo: Counter[Place] = Counter()
     for number, points in enumerate(stream.chunks()):
         points[:, :3] -= stream.offset
         points = points[(np.abs(points[:, :2]) < _MOST_PLACE * config.tile).all(axis=1)]
@@ -173,12 +165,10 @@ def fill_buckets(
         }
         for x, y in itertools.product((-1, 0, 1), repeat=2):
             chosen = np.flatnonzero(is_near[x][:, 0] & is_near[y][:, 1])
-            added = _append(points[chosen], own[chosen] + (x, y), folder, config.tile)
-            with_halo += added
-            if (x, y) == (0, 0):
-                counts += added
+            places = own[chosen] + (x, y)
+            _append(points[chosen], places, folder, config.tile, counts if (x, y) == (0, 0) else Counter())
         progress(f"points into tiles, chunk {number + 1}", 0.0)
-    return [Bucket(place, counts[place], with_halo[place]) for place in sorted(counts)]
+    return counts
 
 
 def read_bucket(path: Path, columns: int = 3) -> Float[np.ndarray, "N {columns}"]:
@@ -192,19 +182,20 @@ def name_bucket(folder: Path, place: Place) -> Path:
 
 
 def _append(
-    points: Float[np.ndarray, "N columns"], places: Int[np.ndarray, "N 2"], folder: Path, tile: float
-) -> Counter[Place]:
-    """Append points to the files of their tiles, and return how many went where."""
-    added: Counter[Place] = Counter()
+    points: Float[np.ndarray, "N columns"],
+    places: Int[np.ndarray, "N 2"],
+    folder: Path,
+    tile: float,
+    counts: Counter[Place],
+) -> None:
+    """Append points to the files of their tiles, and count them."""
     order = np.lexsort(places.T)  # stable: points stay in the order of the source
     points, places = points[order], places[order]
     cuts = np.flatnonzero((np.diff(places, axis=0) != 0).any(axis=1)) + 1
     for part, own in zip(np.split(points, cuts), np.split(places, cuts), strict=True):
         if len(part):
-            place = (int(own[0, 0]), int(own[0, 1]))
-            local = part.copy()
-            local[:, :2] -= own * tile
-            with name_bucket(folder, place).open("ab") as bucket:
-                bucket.write(local.astype(np.float32).tobytes())
-            added[place] += len(part)
-    return added
+            column, row = own[0].tolist()
+            part[:, :2] -= own * tile
+            with name_bucket(folder, (column, row)).open("ab") as bucket:
+                bucket.write(part.astype(np.float32).tobytes())
+            counts[column, row] += len(part)

@@ -99,7 +99,7 @@ def reconstruct_tiles(
     claim_folder(folder)
     with tempfile.TemporaryDirectory(prefix=".working-", dir=folder) as temporary:
         working = Path(temporary)
-        buckets = fill_buckets(stream, working, config, progress)
+        counts = fill_buckets(stream, working, config, progress)
 
         def make_job(place: Place) -> Job:
             return {
@@ -111,11 +111,11 @@ def reconstruct_tiles(
             }
 
         jobs = [
-            make_job(bucket.place)
+            make_job(place)
             | {"seed": seed, "method": method, "is_raw": is_raw}
-            | {"viewpoints": _find_near_viewpoints(positions, bucket.place, config)}
-            for bucket in buckets
-            if bucket.num_points >= _POINTS_PER_UNIT  # not the one point that lies on the rim of the scan
+            | {"viewpoints": _find_near_viewpoints(positions, place, config)}
+            for place in sorted(counts)
+            if counts[place] >= _POINTS_PER_UNIT  # not the one point that lies on the rim of the scan
         ]
         reports = _collect(run_jobs, reconstruct_tile, jobs, "surface of tile", (0.1, 0.9), progress)
         units = {tuple(report["place"]): report["units"] for report in reports if report["units"]}
@@ -127,14 +127,14 @@ def reconstruct_tiles(
         joined = _collect(run_jobs, finish_tile, joins, "seams of tile", (0.9, 1.0), progress)
     faces = {tuple(result["place"]): result["faces"] for result in joined}
     entries = [
-        {"place": list(place), "points": count, "units": units[place], "faces": faces[place]}
-        for place, count, _ in buckets
-        if faces.get(place)
+        {"place": list(place), "points": counts[place], "units": units[place], "faces": faces[place]}
+        for place in units
+        if faces[place]
     ]
     if not entries:
         problems = {report["problem"] for report in reports if report["problem"]}
         raise ReconstructionError(f"no tile has a surface: {'; '.join(sorted(problems)) or 'no points'}")
-    num_points = sum(bucket.num_points for bucket in buckets)
+    num_points = counts.total()
     lost = num_points - sum(entry["points"] for entry in entries)
     if lost:
         _logger.warning("%d of the points lie in tiles with too few for a surface", lost)
