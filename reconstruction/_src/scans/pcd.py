@@ -151,8 +151,8 @@ def _read_compressed(file: BoundedFile, header: _Header) -> RawPoints:
         raise ScanError(f"the compressed data of the .pcd file do not unpack to {num_unpacked} bytes")
     points = point_rows.allocate_points(file, count)
     columns = [  # first all values of one field, then all of the next
-        np.frombuffer(unpacked, kind, count, offset * count)
-        for kind, offset in (header.record.fields or {}).values()
+        np.frombuffer(unpacked, field[0], count, field[1] * count)
+        for field in (header.record.fields or {}).values()
     ]
     points[:] = np.stack(columns[:3], axis=1)
     return RawPoints(points, as_colors(point_rows.unpack_rgb(columns[3])) if len(columns) > 3 else None)

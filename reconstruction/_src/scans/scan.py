@@ -217,8 +217,8 @@ def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) ->
         for part, kind in _PARTS.items():
             own = {name[len(part) + 1 :]: arrays[name] for name in arrays if name.startswith(f"{part}.")}
             parts[part] = kind(**own) if own else None
-        needed = [arrays[name] for name in ("ranges", "angles", "poses", "mount")]
-        return ScanLog(*needed, report=dict(zip(names, values, strict=True)), **parts)
+        parts["report"] = dict(zip(names, values, strict=True))
+        return ScanLog(arrays["ranges"], arrays["angles"], arrays["poses"], arrays["mount"], **parts)
     except (KeyError, TypeError, ValueError) as error:
         raise ScanError(f"{path}: not a scan log: {error}") from error
 
@@ -257,7 +257,9 @@ def _count_beams(path: Path, points: Float[np.ndarray, "N 3"]) -> int:
     angle = np.arctan2(np.hypot(points[:, 0], points[:, 2]), -points[:, 1])
     starts = np.flatnonzero(np.diff(angle) < _3DTK_NEW_SWEEP) + 1
     num_beams = int(starts[0]) if len(starts) else 0
-    if num_beams < 2 or not np.array_equal([*starts, len(points)], num_beams * np.arange(1, len(starts) + 2)):
+    if num_beams < 2 or not np.array_equal(
+        np.append(starts, len(points)), num_beams * np.arange(1, len(starts) + 2)
+    ):
         raise ScanError(f"{path}: {len(points)} points that are not ordered in sweeps of equal length")
     return num_beams
 

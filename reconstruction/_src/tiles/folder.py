@@ -76,7 +76,7 @@ class TiledSurface:
             )
         parts = [read_surface(self.folder / name_tile(place)) for place in places]
         meshes = [trimesh.Trimesh(*part, vertex_colors=colors, process=False) for part, colors in parts]
-        mesh = trimesh.util.concatenate(meshes)
+        mesh: Any = trimesh.util.concatenate(meshes)
         mesh.merge_vertices()  # both sides of a seam have the same ones
         return mesh
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import reconstruction as rc
-import symbrion_gym as sg
 from reconstruction._src.surfaces.color import find_vertex_colors
 from reconstruction._src.tiles.folder import read_surface
 
@@ -31,8 +30,6 @@ def test_tiles_have_the_colors_of_their_points(tmp_path):
     plain = rc.reconstruct_tiles(cloud.points, tmp_path / "plain", CONFIG).mesh()
     assert find_vertex_colors(plain) is None
     assert np.array_equal(plain.vertices, mesh.vertices)
-    arena = sg.load_tiles(tmp_path / "colored", center=(5, 5), radius=1.0, cache=False)
-    assert arena.texture is not None
 
 
 def test_files_of_points_bring_their_colors(tmp_path):
