@@ -16,24 +16,27 @@ if TYPE_CHECKING:
     from reconstruction._src.objects.model import ObjectsConfig
     from reconstruction._src.resolution import choose_units
     from reconstruction._src.scans.cloud import Cloud
-    from reconstruction._src.scans.cloud_file import load_cloud, make_log_cloud, recenter
+    from reconstruction._src.scans.cloud_file import (
+        load_cloud,
+        load_points,
+        make_log_cloud,
+        recenter,
+        save_points,
+    )
     from reconstruction._src.scans.depth_image import Intrinsics, load_depth_image
-    from reconstruction._src.scans.formats import load_points, save_points
     from reconstruction._src.scans.frames import describe_odd_size
-    from reconstruction._src.scans.localization import LocalizationConfig, localize
+    from reconstruction._src.scans.leveling import NoisePriors, level_floor
+    from reconstruction._src.scans.localization import localize
     from reconstruction._src.scans.mesh_files import is_mesh, load_mesh
     from reconstruction._src.scans.preprocess import (
-        level_floor,
         preprocess,
         preprocess_cloud,
         remove_mixed_pixels,
         smooth_ranges,
     )
-    from reconstruction._src.scans.scan import ScanLog
-    from reconstruction._src.scans.scan_log_file import load_scan_log
+    from reconstruction._src.scans.scan import ScanLog, load_scan_log
     from reconstruction._src.scans.selection import crop, find_crop_box, thin
     from reconstruction._src.scans.slip_readings import SlipReadings
-    from reconstruction._src.scans.smoothing import NoisePriors
     from reconstruction._src.surfaces.quality import Quality, measure_quality
     from reconstruction._src.tiles.point_stream import TilesConfig
     from reconstruction._src.tiles.tiling import reconstruct_tiles
@@ -44,7 +47,6 @@ __all__ = [
     "GSRMConfig",
     "GrowingGridConfig",
     "Intrinsics",
-    "LocalizationConfig",
     "NoisePriors",
     "ObjectsConfig",
     "Progress",

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from reconstruction._src.geometry.sampling import sample_area
-from reconstruction._src.scans.formats import load_points
+from reconstruction._src.scans.cloud_file import load_points
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"

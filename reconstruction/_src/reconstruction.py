@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from reconstruction._src.knowledge.slip.drags import FrictionReadings
     from reconstruction._src.knowledge.slip.patches import FrictionEstimate
     from reconstruction._src.methods import NetworkConfig, State
-    from reconstruction._src.scans.preprocess import Dropped
     from reconstruction._src.scans.slip_readings import SlipReadings
     from reconstruction._src.surfaces.color import ColorError, Paint
     from reconstruction._src.surfaces.quality import Quality
@@ -97,11 +96,11 @@ class Reconstruction:
         )
 
     @cached_property
-    def dropped(self) -> Dropped | None:
-        """The readings that pre-processing left no point for; None where the readings are the points."""
+    def dropped(self) -> float | None:
+        """Share of the readings that pre-processing left no point for; None where the readings are the points."""
         from reconstruction._src.scans.preprocess import measure_dropped
 
-        return None if self.readings is self.cloud else measure_dropped(self.readings, self.points)
+        return None if self.readings is self.cloud else measure_dropped(self.readings.points, self.points)
 
     @property
     def points(self) -> Float[np.ndarray, "N 3"]:
@@ -210,10 +209,10 @@ class Reconstruction:
             raise ReconstructionError("a scan log or cloud holds its own origins; leave out origins")
         colors = None
         if isinstance(new_points, ScanLog):
-            from reconstruction._src.scans.preprocess import read_colored_rays
+            from reconstruction._src.scans.preprocess import preprocess_cloud
 
-            new_points, origins, colors = read_colored_rays(new_points)
-        elif isinstance(new_points, Cloud):
+            new_points = preprocess_cloud(new_points)
+        if isinstance(new_points, Cloud):
             colors = new_points.colors
             origins = None if new_points.origins is None else new_points.origins + new_points.offset
             new_points = new_points.points + new_points.offset

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.reconstruct import reconstruct
-from reconstruction._src.scans.preprocess import preprocess, thin
+from reconstruction._src.scans.preprocess import preprocess
+from reconstruction._src.scans.selection import thin
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.arenas.making import make_arena

@@ -5,6 +5,7 @@ import zipfile
 from collections.abc import Iterator
 
 import numpy as np
+from hypothesis import strategies as st
 
 
 def flip_bits(content: bytes, number: int) -> Iterator[bytes]:
@@ -31,3 +32,11 @@ def make_npz(method: int = zipfile.ZIP_DEFLATED, **members: bytes) -> bytes:
         for name, content in members.items():
             archive.writestr(f"{name}.npy", content)
     return file.getvalue()
+
+
+def draw_damaged(data: st.DataObject, content: bytes) -> bytes:
+    """Draw a copy with some other bytes, and cut somewhere."""
+    damaged = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 6))):
+        damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
+    return bytes(damaged[: data.draw(st.integers(0, len(damaged)))])

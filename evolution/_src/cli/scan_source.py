@@ -12,14 +12,11 @@ from jaxtyping import Float
 import reconstruction as rc
 from evolution._src.cli.command import SeededCommand, UsageError, require_file
 from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError, find_npz_names
-from reconstruction._src.scans.frames import FrameConfig
 
 Box = tuple[float, float, float, float, float, float]
 Position = tuple[float, float, float]
 
 PICTURES = (".png", ".tif", ".tiff")  # Depth images; .npy is one where intrinsics are given
-ANY_SIZE = {"smallest": 1e-12, "largest": math.inf}
-"""Sizes that the library is not to warn about: here they are refused."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,7 +170,7 @@ class ScanCommand(SeededCommand):
             self.scale,
             self._max_bytes,
             self.viewpoint or None,
-            FrameConfig(**ANY_SIZE),
+            any_size=True,
         )
         odd = rc.describe_odd_size(cloud.points)
         if odd and not (self.unit or self.crop or self.scale != 1):

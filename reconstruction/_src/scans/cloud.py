@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Shaped, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.errors import ScanError
@@ -42,7 +42,12 @@ class Cloud:
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "offset", _as_positions("offset", np.reshape(self.offset, (1, -1)))[0])
         if self.colors is not None:
-            object.__setattr__(self, "colors", _as_colors(self.colors, len(points)))
+            colors = np.asarray(self.colors)
+            if colors.dtype != np.uint8 or colors.shape != points.shape:
+                raise ScanError(
+                    f"colors must be bytes for {len(points)} points, not {colors.dtype} {colors.shape}"
+                )
+            object.__setattr__(self, "colors", colors)
         if self.viewpoints is None:
             if self.seen_from is not None:
                 raise ScanError("seen_from needs viewpoints; give the positions [K, 3] that it names")
@@ -120,27 +125,12 @@ def _as_positions(name: str, value: ArrayLike) -> Float[np.ndarray, "M 3"]:
     return array
 
 
-def _as_colors(value: Shaped[np.ndarray, "*axes"], num_points: int) -> UInt8[np.ndarray, "N 3"]:
-    colors = np.asarray(value)
-    if colors.dtype != np.uint8 or colors.shape != (num_points, 3):
-        raise ScanError(
-            f"colors must be bytes red, green, blue for {num_points} points, not {colors.dtype} of shape "
-            f"{colors.shape}"
-        )
-    return colors
-
-
-def _as_indices(
-    value: Shaped[np.ndarray, "*axes"], num_points: int, num_viewpoints: int
-) -> Int[np.ndarray, " N"]:
+def _as_indices(value: ArrayLike, num_points: int, num_viewpoints: int) -> Int[np.ndarray, " N"]:
     indices = np.asarray(value)
     if indices.dtype.kind not in "iu" or indices.shape != (num_points,):
-        raise ScanError(
-            f"seen_from must be one whole number for each of {num_points} points, not {indices.dtype} of shape "
-            f"{indices.shape}"
-        )
+        found = f"{indices.dtype} of shape {indices.shape}"
+        raise ScanError(f"seen_from must be one whole number for each of {num_points} points, not {found}")
     if len(indices) and not (indices.min() >= 0 and indices.max() < num_viewpoints):
-        raise ScanError(
-            f"seen_from has the indices {indices.min()} to {indices.max()}; there are {num_viewpoints} viewpoints"
-        )
+        low, high = indices.min(), indices.max()
+        raise ScanError(f"seen_from has the indices {low} to {high}; there are {num_viewpoints} viewpoints")
     return indices.astype(np.int64, copy=False)

@@ -1,25 +1,71 @@
-"""Reading a file as a cloud: points, colors and positions of the sensor, in meters with z up."""
+"""Files of points of every kind, read as an array or as a cloud, in meters with z up; and arrays written to files."""
 
 from __future__ import annotations
 
+import functools
 import logging
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
+from jaxtyping import Float, Shaped
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.bounded_read import MAX_BYTES
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.bounded_read import (
+    MAX_BYTES,
+    BoundedFile,
+    UnreadableFileError,
+    check_size,
+    find_npz_names,
+    open_bounded,
+    read_array,
+    read_npz,
+)
 from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.formats import DROPPED
-from reconstruction._src.scans.frames import FrameConfig, describe_odd_size, find_offset, make_frame
-from reconstruction._src.scans.point_files import find_kind, find_log_points, read_raw
-from reconstruction._src.scans.point_rows import RawPoints
-from reconstruction._src.scans.scan import ScanLog
-from reconstruction._src.scans.scan_3dtk import load_3dtk, read_pose
+from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, to_meters
+from reconstruction._src.scans.mesh_files import CONVERTERS, check_plain, find_kind, read_mesh_points
+from reconstruction._src.scans.pcd import read_pcd
+from reconstruction._src.scans.ply import read_ply, write_ply
+from reconstruction._src.scans.point_rows import check_num_points
+from reconstruction._src.scans.scan import ScanLog, load_3dtk, read_3dtk_points, read_3dtk_pose
+from reconstruction._src.scans.survey_files import read_e57, read_las
+from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 
 _logger = logging.getLogger(__name__)
+
+_MIN_POINTS = 3  # Fewer points span no plane
+_NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")  # Arrays of an .npz that go with its array ``points``
+
+
+def load_points(
+    path: str | os.PathLike[str], unit: str | None = None, max_bytes: float = MAX_BYTES
+) -> Float[np.ndarray, "N 3"]:
+    """Read the points of a file [m]; rows that are not finite are dropped, their number is logged.
+
+    Points are: in a text file the columns named x, y, z, or the first three; in a mesh the vertices; in an .npz
+    the array ``points``, or the only one, or the points of a scan log; in a 3DTK scan (.3d) its points in a
+    right-handed frame with z up (it is always in centimeters, so `unit` has no effect). `load_cloud` reads colors
+    and positions of the sensor as well, and keeps large coordinates exact.
+
+    Args:
+        path: .xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .3d .las .laz, each also followed by .gz
+            or .bz2; .e57 .stl .off .glb .gltf .dae.
+        unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says, meters where it does not.
+        max_bytes: most bytes that the file may hold uncompressed, and its points in memory (24 bytes each); a
+            larger file is refused before the memory is allocated.
+
+    Raises:
+        ScanError: the file is absent, broken, too large, of another kind, or holds fewer than three points; the
+            message names the file and the reason.
+        MissingExtraError: the library that reads this kind is not installed.
+    """
+    path = Path(path)
+    return _make_cloud(path, _read_raw(path, max_bytes), unit).points
 
 
 def load_cloud(
@@ -29,13 +75,14 @@ def load_cloud(
     scale: float = 1.0,
     max_bytes: float = MAX_BYTES,
     viewpoints: ArrayLike | None = None,
-    config: FrameConfig | None = None,
+    any_size: bool = False,
 ) -> Cloud:
     """Read the points of a file with their colors and the positions of the sensor, in meters and with z up.
 
     Viewpoints come from scan logs (each scan's position), 3DTK scans (`.3d` with `.pose`), VIEWPOINT of .pcd files,
-    the poses of .e57 scans, and the arrays ``viewpoints`` and ``seen_from`` of an .npz with ``points``. Large
-    coordinates are moved to the origin: see `FrameConfig`; `Cloud.offset` is what was subtracted.
+    the poses of .e57 scans, and the arrays ``viewpoints`` and ``seen_from`` of an .npz with ``points``. Coordinates
+    far from the origin (1 km) are moved there by whole meters, as meshes keep single precision; `Cloud.offset` is what
+    was subtracted.
 
     Rows that are not finite and points that a .las file marks as noise are dropped, their number is logged. A
     warning is logged about a size that is none of a robot's scene.
@@ -51,43 +98,35 @@ def load_cloud(
         max_bytes: most bytes that the file may hold unpacked, and its points in memory (24 bytes each).
         viewpoints: `[K, 3]` or `[3]` where the sensor stood, in meters with z up, before large coordinates are moved;
             they replace those of the file.
-        config: which coordinates are large, and which sizes are warned about.
+        any_size: do not warn about the size.
 
     Raises:
         ScanError: the file is absent, broken, too large, of another kind, or holds fewer than three points; there is
             no such unit or axis; or the viewpoints are no positions.
         MissingExtraError: the library that reads this kind is not installed.
     """
-    path, config = Path(path), config or FrameConfig()
-    raw = _read_sweeps(path, max_bytes) if find_kind(path) == ".3d" else read_raw(path, max_bytes)
-    try:
-        cloud = _make_cloud(raw, unit, up, scale)
-        if viewpoints is not None:
-            cloud = cloud.replace(viewpoints=_as_viewpoints(viewpoints), seen_from=None)
-    except ScanError as error:
-        raise ScanError(f"{path}: {error}") from error
-    num_dropped = len(raw.points) - cloud.num_points + raw.num_ignored
-    if num_dropped:
-        _logger.warning(DROPPED, path, num_dropped, cloud.num_points)
-    if odd := describe_odd_size(cloud.points, config):
+    path = Path(path)
+    raw = _read_sweeps(path, max_bytes) if find_kind(path) == ".3d" else _read_raw(path, max_bytes)
+    cloud = _make_cloud(path, raw, unit, up, scale, viewpoints)
+    odd = None if any_size else describe_odd_size(cloud.points)
+    if odd:
         _logger.warning("%s: %s; if that is wrong, give unit= or scale=", path, odd)
-    return recenter(cloud, config)
+    return recenter(cloud)
 
 
 def make_log_cloud(log: ScanLog) -> Cloud:
     """Return the points of a log, each seen from the position of its scan; equal positions are one viewpoint."""
-    raw = find_log_points(log)
-    return Cloud(raw.points, raw.colors, viewpoints=raw.viewpoints, seen_from=raw.seen_from)
+    raw = _find_log_points(log)
+    return Cloud(raw.points, raw.colors, raw.viewpoints, raw.seen_from)
 
 
-def recenter(cloud: Cloud, config: FrameConfig | None = None) -> Cloud:
+def recenter(cloud: Cloud) -> Cloud:
     """Return a cloud whose large coordinates are moved to the origin, with `offset` grown by what was subtracted.
 
     Args:
         cloud: in meters.
-        config: which coordinates are large.
     """
-    offset = find_offset(cloud.points, config)
+    offset = find_offset(cloud.points)
     if not offset.any():
         return cloud
     _logger.info("moved by %s m: points + offset are the file's coordinates", (-offset).tolist())
@@ -95,24 +134,125 @@ def recenter(cloud: Cloud, config: FrameConfig | None = None) -> Cloud:
     return cloud.replace(points=cloud.points - offset, viewpoints=viewpoints, offset=cloud.offset + offset)
 
 
-def _as_viewpoints(viewpoints: ArrayLike) -> np.ndarray:
+def save_points(path: str | os.PathLike[str], points: ArrayLike) -> Path:
+    """Write points `[N, 3]` [m] as .ply (binary), .xyz, .txt, .csv, .npy or .npz, atomically.
+
+    Raises:
+        ScanError: the points have another shape, the suffix is unknown, or the folder cannot be written to.
+    """
+    path = Path(path)
+    points = np.asarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ScanError(f"{path}: points must have shape [N, 3], not {points.shape}")
+    if path.suffix not in _WRITERS:
+        raise ScanError(f"{path}: cannot write {path.suffix!r}; there are: {' '.join(_WRITERS)}")
     try:
-        return np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))
-    except (TypeError, ValueError) as error:
-        raise ScanError(f"viewpoints must be numbers [K, 3]: {error}") from error
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with write_atomically(path) as temporary, temporary.open("wb") as file:
+            _WRITERS[path.suffix](file, points)
+    except OSError as error:
+        raise ScanError(f"{path}: cannot be written: {error}") from error
+    return path
 
 
-def _make_cloud(raw: RawPoints, unit: str | None, up: str | None, scale: float) -> Cloud:
+def _make_cloud(
+    path: Path,
+    raw: RawPoints,
+    unit: str | None,
+    up: str | None = None,
+    scale: float = 1.0,
+    viewpoints: ArrayLike | None = None,
+) -> Cloud:
     """Return the finite points of a file in meters with z up."""
-    frame = make_frame(raw, unit, up, scale)
-    finite = np.asarray(np.isfinite(raw.points).all(axis=1))
+    finite = np.isfinite(raw.points).all(axis=1)
     chosen = slice(None) if finite.all() else finite
-    return Cloud(
-        frame.place(raw.points[chosen]),
-        None if raw.colors is None else raw.colors[chosen],
-        None if raw.viewpoints is None else frame.place(raw.viewpoints),
-        None if raw.seen_from is None else raw.seen_from[chosen],
-    )
+    try:
+        cloud = Cloud(
+            to_meters(raw.points[chosen], raw, unit, up, scale),
+            None if raw.colors is None else raw.colors[chosen],
+            None if raw.viewpoints is None else to_meters(raw.viewpoints, raw, unit, up, scale),
+            None if raw.seen_from is None else raw.seen_from[chosen],
+        )
+        if viewpoints is not None:
+            cloud = cloud.replace(viewpoints=viewpoints, seen_from=None)
+    except ScanError as error:
+        raise ScanError(f"{path}: {error}") from error
+    num_dropped = len(raw.points) - cloud.num_points + raw.num_ignored
+    if num_dropped:
+        _logger.warning(
+            "%s: dropped %d rows that are not finite or marked as noise, kept %d",
+            path,
+            num_dropped,
+            cloud.num_points,
+        )
+    return cloud
+
+
+def _read_raw(path: Path, max_bytes: float) -> RawPoints:
+    """Read what a file holds, in its own frame; rows may hold nan."""
+    kind = find_kind(path)
+    try:
+        if kind in _PATH_READERS:
+            check_plain(path, kind, max_bytes)
+            raw = _PATH_READERS[kind](path, max_bytes)
+            check_size(raw.points.nbytes, max_bytes)
+        else:
+            with open_bounded(path, max_bytes) as file:
+                if kind in CONVERTERS:
+                    raise ScanError(f"{kind} is not read; {CONVERTERS[kind]}")
+                if kind not in _READERS:
+                    known = " ".join((*_READERS, *_PATH_READERS))
+                    raise ScanError(f"unknown kind {kind or '(no suffix)'}; there are: {known}")
+                raw = _READERS[kind](file)
+    except MissingExtraError:
+        raise
+    except (ScanError, UnreadableFileError) as error:
+        raise ScanError(f"{path}: {error}") from error
+    except Exception as error:  # the libraries raise every kind of error on broken bytes
+        raise ScanError(f"{path}: not a readable {kind} file: {error}") from error
+    num_finite = int(np.isfinite(raw.points).all(axis=1).sum())
+    if num_finite < _MIN_POINTS:
+        raise ScanError(
+            f"{path}: {num_finite} of {len(raw.points)} points are finite; {_MIN_POINTS} are needed"
+        )
+    return raw
+
+
+def _read_npz(file: BoundedFile) -> RawPoints:
+    names = find_npz_names(file.stream)
+    if {"ranges", "angles", "poses"} <= set(names):
+        wanted = [name for name in ("ranges", "angles", "poses", "colors") if name in names]
+        log = read_npz(file.stream, wanted, file.max_bytes)
+        check_num_points(file, log["ranges"].size)
+        return _find_log_points(ScanLog(**log))  # pyright: ignore[reportArgumentType]
+    if "points" not in names and len(names) != 1:
+        raise ScanError(f"holds the arrays {', '.join(names) or '(none)'}, none of them called points")
+    name = "points" if "points" in names else names[0]
+    extras = [extra for extra in _NPZ_EXTRAS if extra in names and name == "points"]
+    arrays = read_npz(file.stream, (name, *extras), file.max_bytes)
+    points = _first_columns(arrays.pop(name), file)
+    known = Cloud(np.zeros(points.shape), **arrays)  # refuses what does not belong together
+    return RawPoints(points, known.colors, known.viewpoints, known.seen_from)
+
+
+def _first_columns(array: Shaped[np.ndarray, "*axes"], file: BoundedFile) -> Float[np.ndarray, "N 3"]:
+    has_names = {"x", "y", "z"} <= set(array.dtype.names or ())
+    check_num_points(file, array.size if has_names else len(np.atleast_1d(array)))
+    if has_names:
+        return np.stack([array[name].astype(float).ravel() for name in "xyz"], axis=1)
+    if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] < 3:
+        raise ScanError(f"holds {array.dtype} of shape {array.shape}, not [N, 3] numbers")
+    return array[:, :3].astype(np.float64)
+
+
+def _find_log_points(log: ScanLog) -> RawPoints:
+    """Return the points of a log with the position of each scan as a viewpoint; equal positions count once."""
+    positions = log.poses[:, :3, 3]
+    _, first, index = np.unique(positions, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)  # in the order of the scans, not of the coordinates
+    rank = np.argsort(order)
+    seen_from = rank[index.ravel()][np.nonzero(log.is_valid)[0]]
+    return RawPoints(log.points(), log.point_colors, positions[first[order]], seen_from, meters=1.0, up="z")
 
 
 def _read_sweeps(path: Path, max_bytes: float) -> RawPoints:
@@ -123,13 +263,41 @@ def _read_sweeps(path: Path, max_bytes: float) -> RawPoints:
     has_pose = path.with_suffix(".pose").is_file()
     if has_pose:
         try:
-            log = load_3dtk(path, max_bytes=max_bytes)
-        except ScanError:
-            _logger.info("%s is not ordered in sweeps: read as points", path)
-        else:
-            raw = find_log_points(log)
+            raw = _find_log_points(load_3dtk(path, max_bytes))
             if len(raw.points):
                 return raw._replace(has_fixed_unit=True)
-    raw = read_raw(path, max_bytes)
-    pose = read_pose(path.with_suffix(".pose")) if has_pose else np.eye(4)
+        except ScanError:
+            _logger.info("%s is not ordered in sweeps: read as points", path)
+    raw = _read_raw(path, max_bytes)
+    pose = read_3dtk_pose(path.with_suffix(".pose")) if has_pose else np.eye(4)
     return raw._replace(points=raw.points @ pose[:3, :3].T + pose[:3, 3], viewpoints=pose[None, :3, 3])
+
+
+def _write_text(file: BinaryIO, points: Float[np.ndarray, "N 3"], **options: str) -> None:
+    np.savetxt(file, points, fmt="%.9g", **options)  # nine digits: 10 micrometers at a kilometer
+
+
+_READERS: dict[str, Callable[[BoundedFile], RawPoints]] = {
+    **dict.fromkeys((".xyz", ".txt", ".csv", ".asc", ".dat", ".pts"), read_text),
+    ".npy": lambda file: RawPoints(_first_columns(read_array(file.stream, file.size), file)),
+    ".npz": _read_npz,
+    ".ply": read_ply,
+    ".pcd": read_pcd,
+    ".vtk": read_vtk,
+    ".obj": read_obj,
+    ".3d": lambda file: RawPoints(read_3dtk_points(file), meters=1.0, has_fixed_unit=True, up="z"),
+    ".las": read_las,
+    ".laz": read_las,
+}
+_PATH_READERS: dict[str, Callable[[Path, float], RawPoints]] = {
+    ".e57": read_e57,
+    **dict.fromkeys((".stl", ".off", ".glb", ".gltf", ".dae"), read_mesh_points),
+}
+_WRITERS: dict[str, Callable[[BinaryIO, Float[np.ndarray, "N 3"]], None]] = {
+    ".ply": write_ply,
+    ".xyz": _write_text,
+    ".txt": _write_text,
+    ".csv": functools.partial(_write_text, delimiter=",", header="x,y,z", comments=""),
+    ".npy": functools.partial(np.save, allow_pickle=False),
+    ".npz": lambda file, points: np.savez_compressed(file, points=points),
+}

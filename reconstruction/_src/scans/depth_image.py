@@ -8,22 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Shaped, UInt8
+from jaxtyping import Float, Shaped
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.bounded_read import (
-    MAX_BYTES,
-    UnreadableFileError,
-    check_size,
-    open_bounded,
-    read_array,
-)
+from reconstruction._src.base.bounded_read import MAX_BYTES, check_size, open_bounded, read_array
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError, require_extras
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import recenter
 
-DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")  # Files that may hold a depth image
+_DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")  # Files that may hold a depth image
 _POINT_BYTES = 24
 _AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rows: ahead, left and up in the frame of a camera (x right, y down, z ahead)."""
@@ -83,22 +77,26 @@ def load_depth_image(
         MissingExtraError: Pillow is not installed.
     """
     path = Path(path)
+    kind = path.suffix.lower()
+    if kind not in _DEPTH_ENDINGS:
+        raise ScanError(f"{path}: {kind or 'no ending'} is no depth image; use {', '.join(_DEPTH_ENDINGS)}")
     depth = _read_image(path, max_bytes)
     if depth.ndim != 2 or depth.dtype.kind not in "fiu" or depth.dtype.itemsize < 2:
-        raise ScanError(
-            f"{path}: holds {depth.dtype} of shape {depth.shape}; a depth image has one channel of 16 bits or more"
-        )
+        raise ScanError(f"{path}: {depth.dtype} of shape {depth.shape}, not one channel of 16 bits or more")
     factor = depth_scale if depth_scale is not None else 1.0 if depth.dtype.kind == "f" else _MILLIMETER
     if not 0 < factor < math.inf:
         raise ScanError(f"{path}: depth_scale must be above 0, got {depth_scale}")
-    colors = None if color is None else _read_colors(Path(color), depth.shape, max_bytes)
+    colors = None if color is None else _read_image(Path(color), max_bytes, "RGB")
+    if colors is not None and colors.shape[:2] != depth.shape:
+        raise ScanError(
+            f"{color}: has {colors.shape[1]} x {colors.shape[0]} pixels, the depth image {depth.shape[1]} x "
+            f"{depth.shape[0]}; align them first"
+        )
     to_world, position = _find_pose(path, pose)
     meters = depth.astype(np.float64) * factor
     is_seen = np.isfinite(meters) & (meters > 0) & (meters <= max_depth)
     if is_seen.sum() < _MIN_PIXELS:
-        raise ScanError(
-            f"{path}: {int(is_seen.sum())} of {depth.size} pixels have a depth; is the scale right?"
-        )
+        raise ScanError(f"{path}: {is_seen.sum()} of {depth.size} pixels have a depth; is the scale right?")
     v, u = np.nonzero(is_seen)
     ahead = meters[is_seen]
     rays = np.stack(
@@ -126,51 +124,21 @@ def _find_pose(
     return rotation, matrix[:3, 3]
 
 
-def _read_image(path: Path, max_bytes: float) -> Shaped[np.ndarray, "*axes"]:
-    """Return the pixels of an image."""
-    kind = path.suffix.lower()
-    if kind not in DEPTH_ENDINGS:
-        raise ScanError(
-            f"{path}: {kind or 'a file without ending'} is no depth image; use {', '.join(DEPTH_ENDINGS)}"
-        )
+def _read_image(path: Path, max_bytes: float, mode: str | None = None) -> Shaped[np.ndarray, "*axes"]:
+    """Return the pixels of an image whose size is within the limit, as they are or in a mode of Pillow."""
     try:
         with open_bounded(path, max_bytes) as file:
-            if kind == ".npy":
+            if path.suffix.lower() == ".npy":
                 array = read_array(file.stream, file.size)
                 check_size(array.size * _POINT_BYTES, max_bytes)
                 return array
-        return _read_picture(path, max_bytes)
-    except MissingExtraError:
-        raise
-    except (ScanError, UnreadableFileError) as error:
-        raise ScanError(f"{path}: {error}") from error
-    except Exception as error:  # damaged bytes make the libraries raise every kind of error
-        raise ScanError(f"{path}: not a readable {kind} file: {error}") from error
+        require_extras("a picture", "formats")
+        from PIL import Image
 
-
-def _read_picture(path: Path, max_bytes: float) -> Shaped[np.ndarray, "*axes"]:
-    """Return the pixels of a picture whose size is within the limit."""
-    require_extras("a picture", "formats")
-    from PIL import Image
-
-    with Image.open(path) as image:
-        check_size(image.width * image.height * _POINT_BYTES, max_bytes)
-        return np.asarray(image)
-
-
-def _read_colors(path: Path, shape: tuple[int, ...], max_bytes: float) -> UInt8[np.ndarray, "H W 3"]:
-    """Return red, green and blue of a picture of this height and width."""
-    require_extras("a picture", "formats")
-    from PIL import Image
-
-    try:
         with Image.open(path) as image:
             check_size(image.width * image.height * _POINT_BYTES, max_bytes)
-            if (image.height, image.width) != shape:
-                raise ScanError(
-                    f"has {image.width} x {image.height} pixels, the depth image {shape[1]} x {shape[0]}; "
-                    "align them first"
-                )
-            return np.asarray(image.convert("RGB"))
-    except Exception as error:  # damaged bytes make the library raise every kind of error
+            return np.asarray(image.convert(mode) if mode else image)
+    except MissingExtraError:
+        raise
+    except Exception as error:  # damaged bytes make the libraries raise every kind of error
         raise ScanError(f"{path}: cannot be used as a picture: {error}") from error

@@ -1,15 +1,14 @@
-"""From the frame of a file to ours: meters, z up, and coordinates small enough for single precision."""
+"""The points of a file in its own frame, and the way from there to ours: meters, z up, small coordinates."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int, Num, UInt8
 
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans.point_rows import RawPoints
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937, "in": 0.0254}
 """Meters in one unit of the file: ft is the international foot, us-ft the foot of American land surveys."""
@@ -23,57 +22,37 @@ UP_AXES = {
 }
 """Axis of the file that points up -> rows: our x, y, z in the file's coordinates. All are rotations. y: as glTF files
 are; -y: a camera that looks along z, with y down."""
-
-
+_SIZES = 0.1, 1000.0
+"""Longest side of a robot's scene [m]: a side outside is mostly a file in another unit, or one with stray points."""
 _MAX_DISTANCE = 1000.0
 """A cloud whose middle (median) is farther from the origin than this, and than its own longest side, is moved
-to it [m]. At 1 km single precision is still a hundred times finer than a good scanner."""
-_MAX_EXTENTS = 1000.0
-"""The same, in lengths of the cloud's longest side: at 1,000 of them single precision resolves 0.00006 of the
-cloud, finer than any network does. It moves small things far away."""
-_OFFSET_STEP = 1.0  # The offset is a multiple of this [m]. Whole meters are easy to add by hand.
+to it [m]: MuJoCo and most mesh formats keep single precision, which at 1 km is a hundred times finer than a good
+scanner, and at the 5,400 km of a UTM northing moves a vertex by 0.25 m."""
+_MAX_EXTENTS = 1000.0  # The same in lengths of the cloud's longest side, for small things far away
+_MAX_BYTE, _MAX_SHORT = 255, 65535
 
 
-@dataclass(frozen=True)
-class FrameConfig:
-    """When coordinates are moved, and which sizes are asked about.
+class RawPoints(NamedTuple):
+    """The points of a file in its own frame and unit."""
 
-    MuJoCo and most mesh formats keep coordinates in single precision, 6e-8 of their size: at the 5,400 km of a UTM
-    northing a vertex moves by up to 0.25 m, at 1 km by 0.03 mm.
-
-    Attributes:
-        smallest, largest: longest side that is not asked about [m]: scenes of robots. A side outside is mostly a
-            file in another unit, or one with stray points.
-    """
-
-    smallest: float = 0.1
-    largest: float = 1000.0
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not value > 0:
-                raise ScanError(f"{name} must be above 0, got {value}")
+    points: Float[np.ndarray, "N 3"]  # rows may hold nan
+    colors: UInt8[np.ndarray, "N 3"] | None = None  # red, green and blue from 0 to 255, or None
+    viewpoints: Float[np.ndarray, "K 3"] | None = None  # positions of the sensor, or None
+    seen_from: Int[np.ndarray, " N"] | None = None  # index of the viewpoint of each point, or None
+    meters: float | None = None  # meters in a unit of the file, or None where the file does not say
+    has_fixed_unit: bool = False  # the format has this unit, and no other
+    up: str | None = None  # the axis that points up ("x", "-x", ...), or None where the file does not say
+    num_ignored: int = 0  # points that the file itself marks as unusable; they are left out
 
 
-@dataclass(frozen=True)
-class Frame:
-    """How coordinates of a file become meters with z up."""
-
-    rotation: Float[np.ndarray, "3 3"]  # the file's axes -> ours
-    factor: float  # meters in a unit of the file, with a further scale
-
-    def place(self, positions: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
-        """Return positions of the file in meters with z up."""
-        if self.factor != 1:
-            positions = positions * self.factor
-        if np.array_equal(self.rotation, np.eye(3)):
-            return positions
-        axes, signs = np.abs(self.rotation).argmax(axis=1), self.rotation.sum(axis=1)
-        return positions[:, axes] * signs  # no sums of products: exact
-
-
-def make_frame(raw: RawPoints, unit: str | None = None, up: str | None = None, scale: float = 1.0) -> Frame:
-    """Return the frame of a file: what the caller says, else what the file says, else meters with z up."""
+def to_meters(
+    positions: Float[np.ndarray, "N 3"],
+    raw: RawPoints,
+    unit: str | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+) -> Float[np.ndarray, "N 3"]:
+    """Return positions of a file in meters with z up, by what the caller says, else the file; themselves where so."""
     if unit is not None and unit not in UNITS:
         raise ScanError(f"unknown unit {unit!r}; there are: {', '.join(UNITS)}")
     up = up or raw.up or "z"
@@ -82,34 +61,62 @@ def make_frame(raw: RawPoints, unit: str | None = None, up: str | None = None, s
     if not 0 < scale < math.inf:
         raise ScanError(f"scale must be above 0, got {scale}")
     meters = UNITS[unit] if unit is not None and not raw.has_fixed_unit else raw.meters or 1.0
-    return Frame(np.array(UP_AXES[up], float), meters * scale)
+    matrix = meters * scale * np.array(UP_AXES[up], float)
+    return (
+        positions if np.array_equal(matrix, np.eye(3)) else positions @ matrix.T
+    )  # exact: one factor a column
 
 
-def find_offset(
-    positions: Float[np.ndarray, "N 3"], config: FrameConfig | None = None
-) -> Float[np.ndarray, " 3"]:
-    """Return what is subtracted from coordinates far from the origin [m], zeros from others."""
-    config = config or FrameConfig()
+def find_offset(positions: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 3"]:
+    """Return what is subtracted from coordinates far from the origin, in whole meters; zeros from others."""
     center, extent = np.median(positions, axis=0), float(np.ptp(positions, axis=0).max())
     distance = float(np.linalg.norm(center))
     if distance <= max(_MAX_DISTANCE, extent) and distance <= _MAX_EXTENTS * extent:
         return np.zeros(3)
-    return np.round(center / _OFFSET_STEP) * _OFFSET_STEP + 0.0
+    return np.round(center) + 0.0
 
 
-def describe_odd_size(positions: Float[np.ndarray, "N 3"], config: FrameConfig | None = None) -> str | None:
+def describe_odd_size(positions: Float[np.ndarray, "N 3"]) -> str | None:
     """Return a sentence about a cloud whose size is none of a robot's scene, or None.
 
     Args:
         positions: `[N, 3]` [m].
-        config: which sizes are asked about.
     """
-    config = config or FrameConfig()
+    smallest, largest = _SIZES
     extent = float(np.ptp(positions, axis=0).max())
-    if config.smallest <= extent <= config.largest:
+    if smallest <= extent <= largest:
         return None
     size = f"{extent:,.0f} m" if extent >= 1 else f"{1000 * extent:.3g} mm"
-    bound = (
-        f"above {config.largest:g} m" if extent > config.largest else f"below {100 * config.smallest:g} cm"
-    )
+    bound = f"above {largest:g} m" if extent > largest else f"below {100 * smallest:g} cm"
     return f"its longest side is {size}, {bound}"
+
+
+def as_colors(values: Num[np.ndarray, "N 3"]) -> UInt8[np.ndarray, "N 3"] | None:
+    """Return red, green and blue as bytes, whatever range the file uses: 0 to 1, 255 or 65535.
+
+    None where all are zero, as files hold that reserve room for colors, and where the values are no colors.
+    """
+    if values.dtype == np.uint8:
+        return values if values.any() else None
+    finite = np.nan_to_num(values.astype(np.float64), nan=0.0, posinf=np.inf, neginf=-np.inf)
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    if low < 0 or not 0 < high <= _MAX_SHORT:
+        return None
+    if values.dtype.kind == "f" and high <= 1:
+        finite *= _MAX_BYTE
+    elif high > _MAX_BYTE:
+        finite *= _MAX_BYTE / _MAX_SHORT
+    return np.round(finite).astype(np.uint8)
+
+
+def is_plausible_origin(points: Float[np.ndarray, "N 3"]) -> bool:
+    """Return whether the origin can be where the sensor stood: no farther from the points than they extend.
+
+    Formats that always state a viewpoint state the origin where nobody knew it, also for map coordinates.
+    """
+    finite = points[np.isfinite(points).all(axis=1)]
+    if not len(finite):
+        return False
+    low, high = finite.min(axis=0), finite.max(axis=0)
+    outside = np.maximum(np.maximum(low, -high), 0)
+    return bool(np.linalg.norm(outside) <= np.linalg.norm(high - low))

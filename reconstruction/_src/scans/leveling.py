@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +10,6 @@ from jaxtyping import Float
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import rotate_about
 from reconstruction._src.scans.scan import ScanLog
-from reconstruction._src.scans.smoothing import LEAST_SCANS, NoisePriors, estimate_shake
 
 _NEIGHBOR_VOTE = 0.5
 """Weight of the bins on both sides in the votes for a declination: a floor between two bins is found as well."""
@@ -35,38 +34,43 @@ _FULL_WEIGHT_DISTANCE = 1.0  # A vote's weight grows with the distance from the 
 _HEIGHT_BIN = 0.02  # Bins of height [m] that the floor is found in, where a log has no `mount`
 _HEIGHT_SHARE = 0.5
 """The floor is the lowest bin that holds at least this share of the readings in the fullest bin."""
-_HEIGHT_WINDOW = 5  # Bins above that one, itself included, of which the fullest is taken
+
+
+_MAX_SLOPE = 0.3
+"""A scan plane is vertical where the vertical component of its normal is less than this."""
+_TOLERANCE = 0.03
+"""Largest distance of a reading from the line of the floor [m]: three times a common scanner's noise beyond 3 m."""
+LEAST_SCANS = 100
+"""Logs of fewer scans tell nothing about noise."""
+UNKNOWN_SHAKE = float(np.radians(1.0))  # Sway where nothing is known [rad]
+_GAUSSIAN = 1.4826  # Standard deviation of a normal distribution in median absolute deviations
 
 
 @dataclass(frozen=True)
-class LevelingConfig:
-    """How the floor is found in a scan (`estimate_declination`)."""
+class NoisePriors:
+    """What is known of a robot's noise before it drives; what is None is estimated from the log.
 
-    # largest declination looked for [rad]; less than a ramp. None: several times the sway of the robot, which
-    # is estimated from the log; 4 degrees where it has too few scans.
-    max_tilt: float | None = None
-    # largest distance of a reading from the line of the floor [m]: three times the noise of a common scanner
-    # beyond 3 m
-    tolerance: float = 0.03
-    # a scan plane is vertical where the vertical component of its normal is less than this
-    max_slope: float = 0.3
+    Attributes:
+        slip: standard deviation of the wheels' error after one meter [m] (and [rad]); it grows with the square root of
+            the way.
+        shake: standard deviation of roll and pitch as the robot drives [rad].
+        range_noise: standard deviation of the scanner's readings [m]; None for a tolerance that suits common ones.
+
+    Raises:
+        ScanError: a number is negative or not finite.
+    """
+
+    slip: float | None = None
+    shake: float | None = None
+    range_noise: float | None = None
 
     def __post_init__(self) -> None:
-        if self.max_tilt is not None and not 0 < self.max_tilt < np.pi / 2:
-            raise ScanError(f"max_tilt must be above 0 and below pi / 2, got {self.max_tilt}")
-        for name in ("tolerance", "max_slope"):
-            if not getattr(self, name) > 0:
-                raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
+        for name, value in vars(self).items():
+            if value is not None and not 0 <= value < np.inf:
+                raise ScanError(f"NoisePriors: {name} must not be negative, got {value}; None estimates it")
 
 
-def level_floor(
-    log: ScanLog,
-    max_tilt: float | None = None,
-    tolerance: float | None = None,
-    *,
-    config: LevelingConfig | None = None,
-    priors: NoisePriors | None = None,
-) -> ScanLog:
+def level_floor(log: ScanLog, *, priors: NoisePriors | None = None) -> ScanLog:
     """Turn every vertical scan so that its floor is level: ``T <- T_robot R(n, -delta) T_mount``.
 
     delta is the declination of the floor's line in the scan (`estimate_declination`), n the normal of the scan plane.
@@ -80,47 +84,22 @@ def level_floor(
 
     Args:
         log: scans; those that are not vertical, or show no floor, are left as they are.
-        max_tilt: replaces `config.max_tilt` [rad].
-        tolerance: replaces `config.tolerance` [m].
-        config: how the floor is found.
-        priors: what is known of the robot's sway and of the scanner's noise; replaces `max_tilt` and `tolerance` of
-            the configuration by several times these.
-
-    Raises:
-        ScanError: `max_tilt` or `tolerance` is out of its range.
+        priors: what is known of the robot's sway and of the scanner's noise: limits of the tilt and of the distance
+            from the floor are several times these.
     """
-    config = use_priors(config or LevelingConfig(), priors)
-    if max_tilt is not None:
-        config = replace(config, max_tilt=max_tilt)
-    if tolerance is not None:
-        config = replace(config, tolerance=tolerance)
-    turn = compute_tilt(log, config)
+    turn = compute_tilt(log, estimate_declination(log, priors))
     return log.replace(poses=log.poses @ np.linalg.inv(log.mount) @ turn @ log.mount)
 
 
-def use_priors(config: LevelingConfig, priors: NoisePriors | None) -> LevelingConfig:
-    """Return the configuration with the limits that follow from what is known of robot and scanner."""
-    if priors is not None and priors.shake is not None:
-        config = replace(config, max_tilt=_find_max_tilt(priors.shake))
-    if priors is not None and priors.range_noise is not None:
-        config = replace(config, tolerance=max(_NOISES * priors.range_noise, _LEAST_TOLERANCE))
-    return config
-
-
-def _find_max_tilt(shake: float) -> float:
-    return float(np.clip(_SHAKES * shake, *_TILTS))
-
-
-def compute_tilt(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, "S 4 4"]:
-    """Find the robot's tilt in the plane of every scan: ``R(n, -delta)`` of `level_floor`."""
-    angle = estimate_declination(log, config)
-    turn = np.tile(np.eye(4), (len(angle), 1, 1))
-    if angle.any():
-        turn[:, :3, :3] = rotate_about(np.cross(*_plane_axes(log.mount)), -angle)
+def compute_tilt(log: ScanLog, declination: Float[np.ndarray, " S"]) -> Float[np.ndarray, "S 4 4"]:
+    """Return the robot's tilt in the plane of every scan: ``R(n, -delta)`` of `level_floor`."""
+    turn = np.tile(np.eye(4), (len(declination), 1, 1))
+    if declination.any():
+        turn[:, :3, :3] = rotate_about(np.cross(*_plane_axes(log.mount)), -declination)
     return turn
 
 
-def estimate_declination(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, " S"]:
+def estimate_declination(log: ScanLog, priors: NoisePriors | None = None) -> Float[np.ndarray, " S"]:
     """Find the declination of the floor's line in every scan [rad]; 0 where no floor is seen.
 
     With (u, v) the position of a reading to the side of the robot's foot and above it, the floor is the line
@@ -129,26 +108,38 @@ def estimate_declination(log: ScanLog, config: LevelingConfig | None = None) -> 
 
     A log without `mount` has its foot found first: under the sensor, at the height of most readings.
     """
-    config = config or LevelingConfig()
-    if len(log.ranges) == 0 or not _is_vertical(log, config.max_slope):
+    priors = priors or NoisePriors()
+    if len(log.ranges) == 0 or not _is_vertical(log):
         return np.zeros(len(log.ranges))
+    tolerance = _TOLERANCE
+    if priors.range_noise is not None:
+        tolerance = max(_NOISES * priors.range_noise, _LEAST_TOLERANCE)
     u, v = _plane_coordinates(log)
-    if config.max_tilt is not None:
-        return _find_angles(u, v, config.max_tilt, config)
-    if len(u) < LEAST_SCANS:
-        return _find_angles(u, v, _UNKNOWN_TILT, config)
-    some = slice(None, None, max(1, len(u) // _SAMPLE))
-    shake = estimate_shake(_find_angles(u[some], v[some], _TILTS[1], config))
-    return _find_angles(u, v, _find_max_tilt(shake), config)
+    shake = priors.shake
+    if shake is None and len(u) >= LEAST_SCANS:
+        some = slice(None, None, max(1, len(u) // _SAMPLE))
+        shake = estimate_shake(_find_angles(u[some], v[some], _TILTS[1], tolerance))
+    max_tilt = _UNKNOWN_TILT if shake is None else float(np.clip(_SHAKES * shake, *_TILTS))
+    return _find_angles(u, v, max_tilt, tolerance)
+
+
+def estimate_shake(declination: Float[np.ndarray, " S"]) -> float:
+    """Return the standard deviation of the sway [rad], from the declination of the floor in every scan.
+
+    The floor shows the roll of a robot; its pitch is taken as alike. Scans in which no floor was seen have 0.
+    """
+    seen = declination[declination != 0.0]
+    if len(seen) < LEAST_SCANS:
+        return UNKNOWN_SHAKE
+    return float(_GAUSSIAN * np.median(np.abs(seen - np.median(seen))))
 
 
 def _find_angles(
-    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], max_tilt: float, config: LevelingConfig
+    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], max_tilt: float, tolerance: float
 ) -> Float[np.ndarray, " S"]:
     """Return the declination in every scan, looked for up to a largest one [rad]."""
     limit = float(np.tan(max_tilt))
-    tangent = _vote(u, v, limit)
-    tangent = _refine(u, v, tangent, limit, config.tolerance)
+    tangent = _refine(u, v, _vote(u, v, limit), limit, tolerance)
     return np.arctan(np.clip(tangent, -limit, limit))
 
 
@@ -205,22 +196,18 @@ def _plane_coordinates(log: ScanLog) -> tuple[Float[np.ndarray, "S B"], Float[np
 
 def _estimate_floor_height(heights: Float[np.ndarray, "S B"]) -> float:
     """Return the height of most readings below the sensor, or the lowest one with nearly as many."""
-    bin_width = _HEIGHT_BIN
     low = heights[heights < 0]
     if not low.size:
         return 0.0
-    counts = np.bincount(((low - low.min()) / bin_width).astype(np.int64))
-    counts = np.convolve(counts, [1, 1, 1], "same")
-    first = int(np.argmax(counts >= _HEIGHT_SHARE * counts.max()))
-    first += int(np.argmax(counts[first : first + _HEIGHT_WINDOW]))
-    peak = low.min() + (first + 0.5) * bin_width
-    return float(low[np.abs(low - peak) < 2 * bin_width].mean())
+    counts = np.bincount(((low - low.min()) / _HEIGHT_BIN).astype(np.int64))
+    peak = low.min() + (np.argmax(counts >= _HEIGHT_SHARE * counts.max()) + 0.5) * _HEIGHT_BIN
+    return float(low[np.abs(low - peak) < 2 * _HEIGHT_BIN].mean())
 
 
-def _is_vertical(log: ScanLog, max_slope: float) -> bool:
+def _is_vertical(log: ScanLog) -> bool:
     """Return whether the scan plane is vertical, in the robot and in the world."""
     world = np.abs(log.poses[:, 2, 2])
-    return bool(np.abs(log.mount[2, 2]) < max_slope and np.median(world) < max_slope)
+    return bool(np.abs(log.mount[2, 2]) < _MAX_SLOPE and np.median(world) < _MAX_SLOPE)
 
 
 def _plane_axes(

@@ -13,73 +13,42 @@ import numpy as np
 from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError, check_size, open_bounded
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
-from reconstruction._src.scans.frames import FrameConfig, find_offset, make_frame
+from reconstruction._src.scans.frames import RawPoints, find_offset, to_meters
 from reconstruction._src.scans.ply import find_num_faces
-from reconstruction._src.scans.point_rows import RawPoints
 from reconstruction._src.scans.text_points import has_obj_faces
 
 if TYPE_CHECKING:
     import trimesh
 
-_ROS = (
-    "save its clouds as .pcd: `ros2 run pcl_ros pointcloud_to_pcd --ros-args -r input:=TOPIC` while `ros2 bag play` "
-    "plays it (ROS 1: `rosrun pcl_ros bag_to_pcd`)"
-)
-_PACKETS = "export the frames as .las or .pcd with the maker's viewer (VeloView, Ouster Studio, PandarView)"
-_CAD = "export it from the CAD program, or from FreeCAD, as .stl or .glb"
-_BLENDER = "export it from Blender as .glb"
-
-CONVERTERS = {
-    ".bag": _ROS,
-    ".db3": _ROS,
-    ".mcap": _ROS,
-    ".pcap": _PACKETS,
-    ".pcapng": _PACKETS,
-    ".rcp": "export it from Autodesk ReCap as .e57",
-    ".rcs": "export it from Autodesk ReCap as .e57",
-    ".fls": "export it from FARO SCENE as .e57",
-    ".fws": "export it from FARO SCENE as .e57",
-    ".lsproj": "export it from FARO SCENE as .e57",
-    ".zfs": "export it from Z+F LaserControl as .e57",
-    ".zfprj": "export it from Z+F LaserControl as .e57",
-    ".imp": "export it from Leica Cyclone as .e57",
-    ".lgs": "export it from Leica Cyclone as .e57",
-    ".rxp": "export it from RIEGL RiSCAN PRO as .e57 or .las",
-    ".rdbx": "export it from RIEGL RiSCAN PRO as .e57 or .las",
+_REMEDIES = {
+    ".bag .db3 .mcap": "save its clouds as .pcd: `ros2 run pcl_ros pointcloud_to_pcd --ros-args -r input:=TOPIC` "
+    "while `ros2 bag play` plays it (ROS 1: `rosrun pcl_ros bag_to_pcd`)",
+    ".pcap .pcapng": "export the frames as .las or .pcd with the maker's viewer (VeloView, Ouster Studio, PandarView)",
+    ".rcp .rcs": "export it from Autodesk ReCap as .e57",
+    ".fls .fws .lsproj": "export it from FARO SCENE as .e57",
+    ".zfs .zfprj": "export it from Z+F LaserControl as .e57",
+    ".imp .lgs": "export it from Leica Cyclone as .e57",
+    ".rxp .rdbx": "export it from RIEGL RiSCAN PRO as .e57 or .las",
     ".ptx": "open it in CloudCompare and save it as .e57, which keeps the scanner's positions",
     ".bin": "open it in CloudCompare and save it as .ply or .e57",
     ".dp": "export it from Dot3D as .e57 or .ply",
     ".tif": "give the intrinsics of the camera if it is a depth image (`--intrinsics`); an elevation model becomes "
     ".xyz by `gdal_translate -of XYZ`",
-    ".zip": "unpack it, and give one of its files",
-    ".7z": "unpack it, and give one of its files",
+    ".zip .7z": "unpack it, and give one of its files",
     ".xz": "unpack it with `unxz`",
     ".zst": "unpack it with `unzstd`",
-    ".vtp": "save it from ParaView as .ply",
-    ".vtu": "save it from ParaView as .ply",
-    ".usd": _BLENDER,
-    ".usdz": _BLENDER,
-    ".usda": _BLENDER,
-    ".usdc": _BLENDER,
-    ".fbx": _BLENDER,
-    ".blend": _BLENDER,
-    ".3ds": _BLENDER,
-    ".step": _CAD,
-    ".stp": _CAD,
-    ".iges": _CAD,
-    ".igs": _CAD,
-    ".hdf5": "save its points as .npy or .npz",
-    ".h5": "save its points as .npy or .npz",
+    ".vtp .vtu": "save it from ParaView as .ply",
+    ".usd .usdz .usda .usdc .fbx .blend .3ds": "export it from Blender as .glb",
+    ".step .stp .iges .igs": "export it from the CAD program, or from FreeCAD, as .stl or .glb",
+    ".hdf5 .h5": "save its points as .npy or .npz",
     ".mat": "save its points as .csv: writematrix(points, 'points.csv')",
     ".parquet": "save its columns x, y, z as .csv",
 }
+CONVERTERS = {ending: remedy for endings, remedy in _REMEDIES.items() for ending in endings.split()}
 """Ending of a file that is not read -> what to do with it."""
-
-
+PACKINGS = (".gz", ".bz2")
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".dae")
 """Files that hold meshes; .ply and .obj also points alone."""
-_ALWAYS_MESHES = MESH_ENDINGS[2:]
-_ONE_SIZE = (".stl",)  # Files that repeat the vertices in every triangle
 _GLTF = (".glb", ".gltf")
 _GLB_MAGIC, _GLB_HEADER = b"glTF", 20
 """A .glb begins with magic, version, length, and the length and kind of the JSON chunk: five numbers of 4 bytes."""
@@ -95,7 +64,6 @@ def load_mesh(
     up: str | None = None,
     scale: float = 1.0,
     max_bytes: float = MAX_BYTES,
-    config: FrameConfig | None = None,
 ) -> trimesh.Trimesh:
     """Read a mesh with its faces, in meters and with z up; all parts of a scene become one mesh.
 
@@ -110,7 +78,6 @@ def load_mesh(
             mostly "y"), "z" where it does not.
         scale: a further factor, for files whose unit has no name.
         max_bytes: most bytes that the file may hold.
-        config: when coordinates count as large.
 
     Raises:
         ScanError: the file is absent, broken, too large, of another kind, or holds no triangles.
@@ -119,11 +86,10 @@ def load_mesh(
     path = Path(path)
     try:
         mesh, raw = _read(path, max_bytes)
-        frame = make_frame(raw, unit, up, scale)
+        vertices = to_meters(raw.points, raw, unit, up, scale)
     except (ScanError, UnreadableFileError) as error:
         raise ScanError(f"{path}: {error}") from error
-    vertices = frame.place(raw.points)
-    offset = find_offset(vertices, config or FrameConfig())
+    offset = find_offset(vertices)
     mesh.vertices = vertices - offset
     mesh.metadata = {"offset": offset}
     return mesh
@@ -135,16 +101,33 @@ def is_mesh(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> bool:
     Raises:
         ScanError: a .ply or .obj that cannot be read.
     """
-    path = Path(path)
-    suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() not in (".gz", ".bz2")]
-    kind = suffixes[-1] if suffixes else ""
+    kind = find_kind(Path(path))
     if kind not in (".ply", ".obj"):
-        return kind in _ALWAYS_MESHES
+        return kind in MESH_ENDINGS
     try:
         with open_bounded(path, max_bytes) as file:
             return bool(find_num_faces(file)) if kind == ".ply" else has_obj_faces(file)
     except (ScanError, UnreadableFileError) as error:
         raise ScanError(f"{path}: {error}") from error
+
+
+def find_kind(path: Path) -> str:
+    """Return the ending that says what a file holds, in lower case: that before .gz or .bz2."""
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    if suffixes and suffixes[-1] in PACKINGS:
+        suffixes.pop()
+    return suffixes[-1] if suffixes else ""
+
+
+def check_plain(path: Path, kind: str, max_bytes: float) -> None:
+    """Refuse a file that is absent, packed, empty or too large, for libraries that read it by its path."""
+    if not path.is_file():
+        raise ScanError("is a folder, not a file" if path.is_dir() else "there is no such file")
+    if path.suffix.lower() in PACKINGS:
+        raise ScanError(f"a packed {kind} file is not read; unpack it first")
+    if not path.stat().st_size:
+        raise ScanError("is empty")
+    check_size(path.stat().st_size, max_bytes)
 
 
 def read_mesh_points(path: Path, max_bytes: float) -> RawPoints:
@@ -156,8 +139,15 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
     """Return the mesh, and its vertices with what the file says about its frame."""
     import trimesh
 
-    kind = path.suffix.lower()
-    _check_file(path, kind, max_bytes)
+    kind = find_kind(path)
+    check_plain(path, kind, max_bytes)
+    if kind not in MESH_ENDINGS:
+        remedy = CONVERTERS.get(kind, f"there are: {' '.join(MESH_ENDINGS)}")
+        raise ScanError(f"{kind or 'a file without ending'} is no mesh; {remedy}")
+    if kind == ".dae":
+        require_extras("a .dae file", "formats")
+    if kind in _GLTF:
+        _check_accessors(path, kind, max_bytes)
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # trimesh raises whatever its many readers raise
@@ -166,33 +156,13 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
         raise ScanError("holds no triangles; points are read by load_cloud")
     if not np.isfinite(mesh.vertices).all():
         raise ScanError("has vertices that are not finite; repair it first")
-    faces = np.asarray(mesh.faces)
-    if faces.min() < 0 or faces.max() >= len(mesh.vertices):
-        raise ScanError(
-            f"has faces of the vertices {faces.min()} to {faces.max()}, and {len(mesh.vertices)} vertices"
-        )
-    if kind in _ONE_SIZE:
+    low, high = mesh.faces.min(), mesh.faces.max()
+    if low < 0 or high >= len(mesh.vertices):
+        raise ScanError(f"has faces of the vertices {low} to {high}, and {len(mesh.vertices)} vertices")
+    if kind == ".stl":  # repeats the vertices in every triangle
         mesh.merge_vertices()
     meters, up = _find_frame(path, kind)
     return mesh, RawPoints(np.array(mesh.vertices, np.float64), _find_colors(mesh), meters=meters, up=up)
-
-
-def _check_file(path: Path, kind: str, max_bytes: float) -> None:
-    """Refuse what cannot be read within the limit, before it is read."""
-    if not path.is_file():
-        raise ScanError("is a folder, not a file" if path.is_dir() else "there is no such file")
-    if kind in (".gz", ".bz2"):
-        raise ScanError("a packed mesh is not read; unpack it first")
-    if kind not in MESH_ENDINGS:
-        remedy = f"; {CONVERTERS[kind]}" if kind in CONVERTERS else ""
-        raise ScanError(
-            f"{kind or 'a file without ending'} is no mesh; there are: {' '.join(MESH_ENDINGS)}{remedy}"
-        )
-    check_size(path.stat().st_size, max_bytes)
-    if kind == ".dae":
-        require_extras("a .dae file", "formats")
-    if kind in _GLTF:
-        _check_accessors(path, kind, max_bytes)
 
 
 def _check_accessors(path: Path, kind: str, max_bytes: float) -> None:

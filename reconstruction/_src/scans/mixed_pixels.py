@@ -7,81 +7,36 @@ References:
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 from reconstruction._src.scans.scan import ScanLog
-
-
-class Surroundings(NamedTuple):
-    """What the neighbors of some points show."""
-
-    is_flat: Bool[np.ndarray, " S"]  # whether a point lies with them on a plane, and is as sparse as they are
-    is_alike: Bool[np.ndarray, " S"]  # whether it is as sparse as they are
-    neighbors: Int[np.ndarray, "S K"]  # their indices
-    normals: Float[np.ndarray, "S 3"]  # of the planes through them
-
-
-def find_flat(
-    points: Float[np.ndarray, "N 3"],
-    chosen: Int[np.ndarray, " S"],
-    num_neighbors: int,
-    max_flatness: float,
-    max_loneliness: float,
-) -> Surroundings:
-    """Find which of the chosen points lie with their neighbors on a plane, and which are as sparse as these."""
-    num_neighbors = min(num_neighbors, len(points) - 1)
-    if not len(chosen) or num_neighbors < 1:
-        none = np.zeros(len(chosen), bool)
-        return Surroundings(none, none, np.zeros((len(chosen), 1), np.int64), np.zeros((len(chosen), 3)))
-    tree = cKDTree(points)
-    distances, neighbors = tree.query(points[chosen], k=num_neighbors + 1)
-    others = np.unique(neighbors)
-    reach = np.zeros(len(points))
-    reach[others] = tree.query(points[others], k=num_neighbors + 1)[0][:, -1]
-    offset = points[neighbors] - points[neighbors].mean(axis=1, keepdims=True)
-    variance, axes = np.linalg.eigh(np.swapaxes(offset, 1, 2) @ offset)
-    is_alike = distances[:, -1] < max_loneliness * np.median(reach[neighbors], axis=1)
-    is_flat = is_alike & (variance[:, 0] < max_flatness * variance[:, 2])
-    return Surroundings(is_flat, is_alike, neighbors[:, 1:], axes[:, :, 0])
-
-
-_MEDIAN_OF_NORMAL = 0.6745  # Median of |x| for x from the standard normal distribution
-_BEND_VARIANCE = 6  # Variance of q_(i+1) - 2 q_i + q_(i-1) over that of q: 1 + 4 + 1
-_SAME_SPACING = 1.01  # Spacings that differ by less are the same: angles come with rounding errors
-
+from reconstruction._src.scans.selection import find_flat
 
 _STEP = 0.10
 """Two steps of more than this [m], of the same sign, make a veil point. 10 cm is nine times the largest noise
 of the scanner (10.7 mm at 3 to 6 m)."""
 _STEP_SPACING = float(np.radians(0.5))
-"""Beams at most this far apart [rad] have steps of `step`; for coarser scanners the step grows in proportion,
-as a surface at an angle does (`find_step`). Half a degree is the SICK LMS 200."""
+"""Beams at most this far apart [rad] have such steps; for coarser scanners the step grows in proportion, as that of
+a surface at an angle does. Half a degree is the SICK LMS 200."""
+_SAME_SPACING = 1.01  # Spacings that differ by less are the same: angles come with rounding errors
 _JUMP = 0.03  # Height of the lowest edge, at range 0 [m]: several times the noise of a step
 _JUMP_PER_METER = 0.003  # Growth of that height with the range. 0.003 finds a ledge of 4 cm at 3 m.
 _MAX_SHARE = 0.02
-"""Largest share of the valid readings that may go because of jumps and clutter; veil points go in any case. 0
-leaves the veil points alone."""
-_MAX_EDGE_NOISE = 0.008
-"""Noise of the readings [m] up to which `jump` and `jump_per_meter` apply; they grow in proportion with noise
-beyond it."""
-_MAX_NOISE_FACTOR = 3.0  # The most that they grow
-_NOISE_STRIDE = 8  # The noise is estimated from every n-th scan: a sample is enough, and n times as fast
+"""Largest share of the valid readings that may go because of jumps and clutter; veil points go in any case."""
 _CLUTTER_WINDOW = 9  # Beams of the window in which mixed readings are counted
 _CLUTTER_COUNT = 4
 """A window with this many mixed readings is clutter, its middle counts as mixed: two jumps (four readings)
 within nine beams are an edge along the scan plane."""
 _CLUTTER_HEIGHT = 1e-3
-"""What a reading in clutter counts [m], compared with the heights of jumps, where `max_share` leaves room for
+"""What a reading in clutter counts [m], compared with the heights of jumps, where `_MAX_SHARE` leaves room for
 some only: less than any jump."""
 _MAX_GAP = 0.10
 """A mixed reading stays where no other is left within this [m], and it lies with its neighbors on a surface
-(`select_needed_beams`): walls far away, or at a low angle, step as edges do. As `step`: what is read less densely
+(`select_needed_beams`): walls far away, or at a low angle, step as edges do. As `_STEP`: what is read less densely
 has such steps on any slanted surface."""
 _FLAT_NEIGHBORS = 10  # Neighbors that show whether it lies on one
 _FLATNESS = 0.1
@@ -89,12 +44,10 @@ _FLATNESS = 0.1
 _MIN_COSINE = 0.05
 """Least cosine between the beam and the normal of that plane. A veil along a straight edge lies in the beams:
 0. 0.05 are 3 degrees, a floor 1 m below the sensor 20 m away."""
-_MAX_LONELINESS = 1.5  # And they are as far from one another as it is from them, up to this factor
 
 
 def find_mixed_beams(
-    ranges: Float[np.ndarray, "S B"],
-    angles: Float[np.ndarray, " B"] | None = None,
+    ranges: Float[np.ndarray, "S B"], angles: Float[np.ndarray, " B"]
 ) -> Bool[np.ndarray, "S B"]:
     """Find the beams that may have met an edge.
 
@@ -105,19 +58,20 @@ def find_mixed_beams(
        jumps [m].
     3. *Clutter*: every beam with four of 1 and 2 among the nine around it; an edge along the scan plane.
 
-    The jumps of 2 grow with the noise of the readings (`find_noise`) where that is above 8 mm.
-
-    In a cluttered scene 2 and 3 would cost a tenth of the beams: those with the highest jumps go, at most
-    `max_share` of all valid beams.
+    In a cluttered scene 2 and 3 would cost a tenth of the beams: those with the highest jumps go, at most 2 % of all
+    valid beams.
     """
-    step = _STEP if angles is None else find_step(angles)
+    spacing = float(np.median(np.abs(np.diff(angles)))) if len(angles) > 1 else _STEP_SPACING
+    step = _STEP * spacing / _STEP_SPACING if spacing > _SAME_SPACING * _STEP_SPACING else _STEP
     bridged = _bridge_gaps(ranges)
     difference = np.diff(bridged, axis=1)
     is_valid = np.isfinite(ranges)
     is_veil = np.zeros(ranges.shape, bool)
     rising, falling = difference > step, difference < -step
     is_veil[:, 1:-1] = (rising[:, 1:] & rising[:, :-1]) | (falling[:, 1:] & falling[:, :-1])
-    height = _compute_jump_heights(ranges, bridged, difference)
+    is_jump = find_jumps(bridged, _JUMP, _JUMP_PER_METER)
+    step_height = np.pad(np.where(is_jump, np.abs(difference), 0.0), ((0, 0), (1, 1)))
+    height = step_height[:, 1:] + step_height[:, :-1]
     around = uniform_filter1d(
         (is_veil | (height > 0)).astype(np.float32), _CLUTTER_WINDOW, axis=1, mode="constant"
     )
@@ -146,46 +100,11 @@ def select_needed_beams(log: ScanLog, is_mixed: Bool[np.ndarray, "S B"]) -> Bool
         return is_needed
     gap, _ = cKDTree(points[~is_dropped]).query(points[chosen])
     chosen = chosen[gap > _MAX_GAP]
-    found = find_flat(points, chosen, _FLAT_NEIGHBORS, _FLATNESS, _MAX_LONELINESS)
+    is_flat, _, _, normals = find_flat(points, chosen, _FLAT_NEIGHBORS, _FLATNESS)
     ray = points[chosen] - log.poses[place[chosen] // is_mixed.shape[1], :3, 3]
-    cosine = np.abs(sum_rows(found.normals * ray)) / np.maximum(compute_lengths(ray), 1e-300)
-    is_needed.ravel()[place[chosen[found.is_flat & (cosine > _MIN_COSINE)]]] = True
+    cosine = np.abs(sum_rows(normals * ray)) / np.maximum(compute_lengths(ray), 1e-300)
+    is_needed.ravel()[place[chosen[is_flat & (cosine > _MIN_COSINE)]]] = True
     return is_needed
-
-
-def _compute_jump_heights(
-    ranges: Float[np.ndarray, "S B"],
-    bridged: Float[np.ndarray, "S B"],
-    difference: Float[np.ndarray, "S B-1"],
-) -> Float[np.ndarray, "S B"]:
-    """Sum the heights of the jumps on both sides of every beam [m]; 0: none."""
-    noise = find_noise(ranges, _NOISE_STRIDE)
-    factor = float(np.clip(noise / _MAX_EDGE_NOISE, 1.0, _MAX_NOISE_FACTOR))
-    is_jump = find_jumps(bridged, factor * _JUMP, factor * _JUMP_PER_METER)
-    step_height = np.where(is_jump, np.abs(difference), 0.0)
-    height = np.zeros(ranges.shape)
-    height[:, 1:] += step_height
-    height[:, :-1] += step_height
-    return height
-
-
-def find_step(angles: Float[np.ndarray, " B"]) -> float:
-    """Return the step that makes a veil point [m]: it grows where beams are farther apart than `step_spacing`."""
-    spacing = float(np.median(np.abs(np.diff(angles)))) if len(angles) > 1 else _STEP_SPACING
-    is_coarse = spacing > _SAME_SPACING * _STEP_SPACING
-    return _STEP * spacing / _STEP_SPACING if is_coarse else _STEP
-
-
-def find_noise(ranges: Float[np.ndarray, "S B"], stride: int = 8) -> float:
-    """Estimate the standard deviation of the noise [m]; 0 where no three neighboring beams returned.
-
-    On a plane 1/r hardly bends from beam to beam: ``r^2 (q_(i+1) - 2 q_i + q_(i-1))`` has sqrt(6) times the noise.
-    """
-    inverse = 1.0 / ranges[::stride]
-    bend = np.abs(inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2])
-    bend /= inverse[:, 1:-1] ** 2
-    bend = bend[np.isfinite(bend)]
-    return float(np.median(bend)) / (_MEDIAN_OF_NORMAL * np.sqrt(_BEND_VARIANCE)) if bend.size else 0.0
 
 
 def find_jumps(
@@ -196,15 +115,13 @@ def find_jumps(
     On a plane 1/r goes as cos(a - a0), so steps of 1/r change little from beam to beam at any angle of incidence:
     beams i and i+1 are separated by a jump where both ``|r_(i+1) - r_i|`` and ``r_i r_(i+1) |s_i - s_j|``,
     ``s_i = 1/r_(i+1) - 1/r_i``, for all but one of the four neighboring steps j (two on either side), exceed
-    ``jump + jump_per_meter sqrt(r_i r_(i+1))``.
+    ``jump + jump_per_meter sqrt(r_i r_(i+1))``, several times the noise of a step (10 to 15 mm).
     """
     step = np.diff(1.0 / ranges, axis=1)
     num_steps = step.shape[1]
     padded = np.pad(step, ((0, 0), (2, 2)), constant_values=np.nan)
-    a, b, c, d = (_compute_distance(step, padded[:, k : k + num_steps]) for k in (0, 1, 3, 4))
-    second = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    np.minimum(second, np.maximum(a, b), out=second)
-    np.minimum(second, np.maximum(c, d), out=second)
+    distances = np.abs(np.stack([step - padded[:, k : k + num_steps] for k in (0, 1, 3, 4)]))
+    second = np.partition(np.where(np.isnan(distances), np.inf, distances), 1, axis=0)[1]
     product = ranges[:, 1:] * ranges[:, :-1]
     threshold = jump + jump_per_meter * np.sqrt(product)
     with np.errstate(invalid="ignore"):
@@ -214,17 +131,8 @@ def find_jumps(
 def _bridge_gaps(ranges: Float[np.ndarray, "S B"]) -> Float[np.ndarray, "S B"]:
     """Fill single beams without return by the mean of 1/r on both sides: planes stay planes, jumps stay jumps."""
     inverse = 1.0 / ranges
-    gap = np.isnan(inverse[:, 1:-1]) & np.isfinite(inverse[:, 2:]) & np.isfinite(inverse[:, :-2])
     bridged = ranges.copy()
-    scan, beam = np.nonzero(gap)
-    bridged[scan, beam + 1] = 2.0 / (inverse[scan, beam] + inverse[scan, beam + 2])
+    if ranges.shape[1] >= 3:
+        mean = 2.0 / (inverse[:, 2:] + inverse[:, :-2])
+        bridged[:, 1:-1] = np.where(np.isnan(ranges[:, 1:-1]), mean, ranges[:, 1:-1])
     return bridged
-
-
-def _compute_distance(
-    step: Float[np.ndarray, "S D"], other: Float[np.ndarray, "S D"]
-) -> Float[np.ndarray, "S D"]:
-    """Return the distance between two steps; infinite where there is none."""
-    distance = np.abs(step - other)
-    distance[np.isnan(distance)] = np.inf
-    return distance

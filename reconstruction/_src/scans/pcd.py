@@ -10,16 +10,16 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from reconstruction._src.base.bounded_read import BoundedFile, check_size
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.point_rows import RawPoints, as_colors, is_plausible_origin
+from reconstruction._src.scans.frames import RawPoints, as_colors, is_plausible_origin
 
 _NEEDED = ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA")
 _MIN_NUMBER_BYTES = 2  # A number in text takes a digit and a blank, at least
-_UNKNOWN_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+_UNKNOWN_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 """Position and quaternion (w, x, y, z) that stand in a file whose writer does not know better."""
 _COLOR_FIELDS = ("rgb", "rgba")
 """Names of the field that holds a color as the four bytes of a number, 0xRRGGBB, whatever its type says."""
@@ -31,51 +31,14 @@ class _Header(NamedTuple):
 
     num_points: int  # `POINTS`
     num_columns: int  # values of one point
-    num_bytes: int  # bytes of one point
     columns: list[int]  # columns of x, y, z and the color, where there is one, among the values
-    offsets: list[int]  # their offsets in a point [bytes]
-    types: list[str]  # their types; that of the color is always a whole number
+    record: np.dtype  # x, y, z and rgb (a whole number) in one binary point
     # whether the text of an ascii file writes the color's bytes as a floating point number
     has_float_color: bool
-    viewpoint: tuple[float, ...] | None  # position and quaternion (w, x, y, z) of the sensor, or None
-    is_ordered: bool  # whether the points are the rows of one picture
-    data: str  # ascii, binary or binary_compressed
 
 
 def read_pcd(file: BoundedFile) -> RawPoints:
     """Read x, y, z, colors and viewpoint; the header is checked against the data before anything is allocated."""
-    header = _read_header(file)
-    if header.data == "ascii":
-        raw = _read_ascii(file, header)
-    elif header.data == "binary_compressed":
-        raw = _read_compressed(file, header)
-    else:
-        record = np.dtype(
-            {
-                "names": ["x", "y", "z", "rgb"][: len(header.types)],
-                "formats": header.types,
-                "offsets": header.offsets,
-                "itemsize": min(header.num_bytes, np.iinfo(np.int32).max),
-            }
-        )
-        raw = point_rows.read_records(file, record, header.num_points)
-    return raw._replace(viewpoints=_find_viewpoint(header, raw.points))
-
-
-def _find_viewpoint(header: _Header, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "1 3"] | None:
-    """Return the sensor's position, or None where VIEWPOINT does not tell it.
-
-    The value that stands for "unknown" is believed only for ordered points around it: a picture of one sensor in
-    the sensor's own frame.
-    """
-    if header.viewpoint is None:
-        return None
-    if header.viewpoint == _UNKNOWN_VIEWPOINT and not (header.is_ordered and is_plausible_origin(points)):
-        return None
-    return np.array([header.viewpoint[:3]])
-
-
-def _read_header(file: BoundedFile) -> _Header:
     words: dict[str, list[str]] = {}
     while "DATA" not in words:
         line = point_rows.read_header_line(file)
@@ -84,11 +47,37 @@ def _read_header(file: BoundedFile) -> _Header:
     missing = [name for name in _NEEDED if not words.get(name)]
     if missing:
         raise ScanError(f"the .pcd header lacks {', '.join(missing)}")
-    return _check_header(words)
+    if (data := words["DATA"][0]) not in _READERS:
+        raise ScanError(f"the .pcd file has DATA {data}; there are: {', '.join(_READERS)}")
+    raw = _READERS[data](file, _check_header(words))
+    return raw._replace(viewpoints=_find_viewpoint(words, raw.points))
+
+
+def _find_viewpoint(
+    words: dict[str, list[str]], points: Float[np.ndarray, "N 3"]
+) -> Float[np.ndarray, "1 3"] | None:
+    """Return the sensor's position, or None where VIEWPOINT does not tell it.
+
+    The value that stands for "unknown" is believed only for ordered points around it: a picture of one sensor in
+    the sensor's own frame.
+    """
+    if not words.get("VIEWPOINT"):
+        return None
+    try:
+        values = list(map(float, words["VIEWPOINT"]))
+    except ValueError:
+        values = []
+    if len(values) != len(_UNKNOWN_VIEWPOINT) or not np.isfinite(values).all():
+        text = " ".join(words["VIEWPOINT"])[:60]
+        raise ScanError(f"VIEWPOINT is {text!r}, not position x y z and quaternion w x y z")
+    is_ordered = int(words["HEIGHT"][0]) > 1
+    if values == _UNKNOWN_VIEWPOINT and not (is_ordered and is_plausible_origin(points)):
+        return None
+    return np.array([values[:3]])
 
 
 def _check_header(words: dict[str, list[str]]) -> _Header:
-    fields, kinds, data = words["FIELDS"], words["TYPE"], words["DATA"][0]
+    fields, kinds = words["FIELDS"], words["TYPE"]
     sizes = [point_rows.parse_count(word) for word in words["SIZE"]]
     repeats = [point_rows.parse_count(word) for word in words.get("COUNT", ["1"] * len(fields))]
     width, height, num_points = (
@@ -97,100 +86,76 @@ def _check_header(words: dict[str, list[str]]) -> _Header:
     if not len(fields) == len(sizes) == len(repeats) == len(kinds):
         raise ScanError("FIELDS, SIZE, TYPE and COUNT of the .pcd header have different lengths")
     if width * height != num_points:
-        raise ScanError(
-            f"the .pcd header contradicts itself: width {width} x height {height} is not {num_points} points"
-        )
+        raise ScanError(f"the .pcd header promises {width} x {height} points, and {num_points}")
     if not _TYPES.issuperset(zip(kinds, sizes, strict=True)) or min(repeats) < 1:
         raise ScanError("the .pcd header has a field of unknown type or size")
     places = [fields.index(name) for name in "xyz" if name in fields]
     if len(places) != 3 or any(repeats[place] != 1 for place in places):
         raise ScanError(f"the .pcd file has the fields {' '.join(fields)}, single x y z are needed")
-    if data not in ("ascii", "binary", "binary_compressed"):
-        raise ScanError(f"the .pcd file has DATA {data}; ascii, binary, binary_compressed are known")
+    types = [f"<{kinds[place].lower()}{sizes[place]}" for place in places]
     color = next((fields.index(name) for name in _COLOR_FIELDS if name in fields), None)
-    if color is not None and (sizes[color], repeats[color]) != (4, 1):
-        color = None
+    has_color = color is not None and (sizes[color], repeats[color]) == (4, 1)
+    if color is not None and has_color:
+        places.append(color)
+        types.append("<u4")
     columns = [0, *itertools.accumulate(repeats)]
     offsets = [0, *itertools.accumulate(size * repeat for size, repeat in zip(sizes, repeats, strict=True))]
-    types = [f"<{kinds[place].lower()}{sizes[place]}" for place in places]
-    chosen = [*places, *([] if color is None else [color])]
-    return _Header(
-        num_points,
-        columns[-1],
-        offsets[-1],
-        [columns[place] for place in chosen],
-        [offsets[place] for place in chosen],
-        [*types, *([] if color is None else ["<u4"])],
-        color is not None and kinds[color] == "F",
-        _parse_viewpoint(words.get("VIEWPOINT")),
-        height > 1,
-        data,
+    record = np.dtype(
+        {
+            "names": ["x", "y", "z", "rgb"][: len(places)],
+            "formats": types,
+            "offsets": [offsets[place] for place in places],
+            "itemsize": min(offsets[-1], np.iinfo(np.int32).max),
+        }
     )
-
-
-def _parse_viewpoint(words: list[str] | None) -> tuple[float, ...] | None:
-    """Return the numbers of VIEWPOINT, or None where the header lacks it."""
-    if not words:
-        return None
-    try:
-        values = tuple(map(float, words))
-    except ValueError:
-        values = ()
-    if len(values) != 7 or not np.isfinite(values).all():
-        raise ScanError(
-            f"VIEWPOINT of the .pcd header is {' '.join(words)[:60]!r}, not position x y z and quaternion w x y z"
-        )
-    return values
+    chosen = [columns[place] for place in places]
+    return _Header(num_points, columns[-1], chosen, record, has_color and kinds[places[3]] == "F")
 
 
 def _read_ascii(file: BoundedFile, header: _Header) -> RawPoints:
     if header.num_points * header.num_columns * _MIN_NUMBER_BYTES > file.num_left + 1:
-        raise ScanError(
-            f"the .pcd header promises {header.num_points} points of {header.num_columns} numbers "
-            f"in {file.num_left} bytes"
-        )
+        raise ScanError(f"the .pcd header promises {header.num_points} points in {file.num_left} bytes")
     lines = point_rows.read_lines(file)
     first = next(lines, "")
     if len(first.split()) != header.num_columns:
-        raise ScanError(
-            f"the .pcd header promises {header.num_columns} numbers a point, the first has {len(first.split())}"
-        )
+        raise ScanError(f"the .pcd header promises {header.num_columns} numbers a point: {first[:60]!r}")
     values = point_rows.read_text_rows(file, itertools.chain([first], lines), header.columns)
     if len(values) != header.num_points:
         raise ScanError(f"the .pcd header promises {header.num_points} points, the data hold {len(values)}")
-    colors = _parse_colors(values[:, 3], header.has_float_color) if len(header.columns) > 3 else None
-    return RawPoints(np.ascontiguousarray(values[:, :3]), colors)
-
-
-def _parse_colors(values: Float[np.ndarray, " N"], is_float: bool) -> UInt8[np.ndarray, "N 3"] | None:
-    """Return the colors whose bytes were written as numbers, or None where the numbers are none."""
-    if is_float:
+    raw = point_rows.split_colors(values[:, :3])
+    if len(header.columns) == 3:
+        return raw
+    packed = values[:, 3]  # the bytes of a color, written as a number
+    if header.has_float_color:
         with np.errstate(over="ignore"):
-            packed = np.asarray(values, np.float32).view(np.uint32)
+            packed = packed.astype(np.float32).view(np.uint32)
     else:
-        is_whole = (values >= 0) & (values < 2.0**32)
-        packed = np.where(is_whole, values, 0).astype(np.uint32)
-    return as_colors(point_rows.unpack_rgb(packed))
+        packed = np.where((packed >= 0) & (packed < 2.0**32), packed, 0).astype(np.uint32)
+    return raw._replace(colors=as_colors(point_rows.unpack_rgb(packed)))
+
+
+def _read_binary(file: BoundedFile, header: _Header) -> RawPoints:
+    return point_rows.read_records(file, header.record, header.num_points)
 
 
 def _read_compressed(file: BoundedFile, header: _Header) -> RawPoints:
     import lzf  # C, and rarely needed
 
+    count, size = header.num_points, header.record.itemsize
     num_packed, num_unpacked = np.frombuffer(file.read_exactly(8), "<u4").tolist()
-    if num_unpacked != header.num_points * header.num_bytes:
-        raise ScanError(
-            f"the .pcd header promises {header.num_points} points of {header.num_bytes} bytes, "
-            f"the compressed data {num_unpacked} bytes"
-        )
+    if num_unpacked != count * size:
+        raise ScanError(f"the .pcd header promises {count * size} bytes, the compressed data {num_unpacked}")
     check_size(num_unpacked, file.max_bytes)
     unpacked = lzf.decompress(file.read_exactly(num_packed), num_unpacked)
     if unpacked is None or len(unpacked) != num_unpacked:
         raise ScanError(f"the compressed data of the .pcd file do not unpack to {num_unpacked} bytes")
-    points = point_rows.allocate_points(file, header.num_points)
-    for axis in range(3):  # first all values of one field, then all of the next
-        start = header.offsets[axis] * header.num_points
-        points[:, axis] = np.frombuffer(unpacked, header.types[axis], header.num_points, start)
-    if len(header.types) == 3:
-        return RawPoints(points)
-    packed = np.frombuffer(unpacked, "<u4", header.num_points, header.offsets[3] * header.num_points)
-    return RawPoints(points, as_colors(point_rows.unpack_rgb(packed)))
+    points = point_rows.allocate_points(file, count)
+    columns = [  # first all values of one field, then all of the next
+        np.frombuffer(unpacked, field[0], count, field[1] * count)
+        for field in (header.record.fields or {}).values()
+    ]
+    points[:] = np.stack(columns[:3], axis=1)
+    return RawPoints(points, as_colors(point_rows.unpack_rgb(columns[3])) if len(columns) > 3 else None)
+
+
+_READERS = {"ascii": _read_ascii, "binary": _read_binary, "binary_compressed": _read_compressed}

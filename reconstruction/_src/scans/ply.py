@@ -7,9 +7,7 @@ References:
 from __future__ import annotations
 
 import itertools
-import math
 import struct
-from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
@@ -18,53 +16,25 @@ from jaxtyping import Float
 from reconstruction._src.base.bounded_read import BoundedFile
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.point_rows import COLORS, RawPoints, as_colors
+from reconstruction._src.scans.frames import RawPoints
 
-_NUMBERS = {
-    "char": "i1",
-    "short": "i2",
-    "int": "i4",
-    "int8": "i1",
-    "int16": "i2",
-    "int32": "i4",
-    "int64": "i8",
+_CODES = {
+    "char int8": "b",
+    "uchar uint8": "B",
+    "short int16": "h",
+    "ushort uint16": "H",
+    "int int32": "i",
+    "uint uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float float32": "f",
+    "double float64": "d",
 }
-_TYPES = {
-    **_NUMBERS,
-    **{f"u{name}": f"u{kind[1]}" for name, kind in _NUMBERS.items()},
-    "float": "f4",
-    "float32": "f4",
-    "double": "f8",
-    "float64": "f8",
-}
-_STRUCTS = {
-    "i1": "b",
-    "i2": "h",
-    "i4": "i",
-    "i8": "q",
-    "u1": "B",
-    "u2": "H",
-    "u4": "I",
-    "u8": "Q",
-    "f4": "f",
-    "f8": "d",
-}
+_TYPES = {name: code for names, code in _CODES.items() for name in names.split()}
+"""Type in a header -> its code in `struct` and NumPy."""
 _MAX_VALUES = 10_000_000
 """Values and lists that are read from binary rows with lists, one after the other: one to three seconds a million."""
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-
-
-class _Property(NamedTuple):
-    """A value of an element, or a list of values with its length before it (`length_type`)."""
-
-    name: str
-    type: str
-    length_type: str | None = None
-
-    @property
-    def size(self) -> int:
-        """Bytes of one value."""
-        return int(self.type[1:])
 
 
 class _Element(NamedTuple):
@@ -72,12 +42,8 @@ class _Element(NamedTuple):
 
     name: str
     num_rows: int
-    properties: list[_Property]
-
-    @property
-    def has_lists(self) -> bool:
-        """Whether rows differ in length."""
-        return any(one.length_type for one in self.properties)
+    types: dict[str, str]  # name of a property -> type of its values
+    lists: dict[str, str]  # name of a property that is a list -> type of the length before its values
 
 
 def read_ply(file: BoundedFile) -> RawPoints:
@@ -90,20 +56,28 @@ def read_ply(file: BoundedFile) -> RawPoints:
     if "vertex" not in names:
         raise ScanError("the .ply file has no element vertex")
     before, vertex = elements[: names.index("vertex")], elements[names.index("vertex")]
-    missing = [name for name in "xyz" if name not in [one.name for one in vertex.properties]]
+    missing = {*"xyz"} - vertex.types.keys() | {*"xyz"} & vertex.lists.keys()
     if missing:
-        raise ScanError(f"the vertices of the .ply file have no {', '.join(missing)}")
-    if any(one.length_type for one in vertex.properties if one.name in "xyz"):
-        raise ScanError("the coordinates in the .ply file are lists")
+        raise ScanError(f"the vertices of the .ply file have no single {', '.join(sorted(missing))}")
     if not byte_order:
-        return _read_ascii(file, before, vertex)
-    _check_num_values([*before, vertex])
+        return _read_ascii(file, sum(element.num_rows for element in before if element.types), vertex)
+    count = sum(one.num_rows * len(one.types) for one in (*before, vertex) if one.lists)
+    if count > _MAX_VALUES:
+        raise ScanError(
+            f"{count} values in rows with lists are too many; write the vertices first, without lists"
+        )
     for element in before:
-        _skip(file, element, byte_order)
-    if vertex.has_lists:
-        return RawPoints(_collect(file, vertex, _iterate_rows(file, vertex, byte_order)))
-    names, types = zip(*((one.name, byte_order + one.type) for one in vertex.properties), strict=True)
-    return point_rows.read_records(file, np.dtype(list(zip(names, types, strict=True))), vertex.num_rows)
+        size = element.num_rows * sum(struct.calcsize(f"={code}") for code in element.types.values())
+        if element.lists:
+            _read_lists(file, element, byte_order)
+        elif size > file.num_left:
+            raise ScanError(f"the .ply header promises {size} bytes where {file.num_left} are left")
+        else:
+            file.stream.seek(size, 1)
+    if vertex.lists:
+        return RawPoints(_read_lists(file, vertex, byte_order))
+    record = np.dtype([(name, byte_order + code) for name, code in vertex.types.items()])
+    return point_rows.read_records(file, record, vertex.num_rows)
 
 
 def write_ply(file: BinaryIO, points: Float[np.ndarray, "N 3"]) -> None:
@@ -112,6 +86,12 @@ def write_ply(file: BinaryIO, points: Float[np.ndarray, "N 3"]) -> None:
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{properties}end_header\n"
     file.write(header.encode())
     file.write(np.ascontiguousarray(points, dtype="<f8").tobytes())
+
+
+def find_num_faces(file: BoundedFile) -> int:
+    """Return how many faces the header of a .ply file promises."""
+    _, elements = _read_header(file)
+    return sum(element.num_rows for element in elements if element.name == "face")
 
 
 def _read_header(file: BoundedFile) -> tuple[str, list[_Element]]:
@@ -124,11 +104,12 @@ def _read_header(file: BoundedFile) -> tuple[str, list[_Element]]:
             case ["format", form, "1.0"] if form in _FORMATS:
                 byte_order = _FORMATS[form]
             case ["element", name, count]:
-                elements.append(_Element(name, point_rows.parse_count(count), []))
-            case ["property", "list", length_type, kind, name] if elements:
-                elements[-1].properties.append(_Property(name, _find_type(kind), _find_type(length_type)))
-            case ["property", kind, name] if elements:
-                elements[-1].properties.append(_Property(name, _find_type(kind)))
+                elements.append(_Element(name, point_rows.parse_count(count), {}, {}))
+            case ["property", "list", length_type, kind, name] if elements and name not in elements[-1].types:
+                elements[-1].types[name] = _find_type(kind)
+                elements[-1].lists[name] = _find_type(length_type)
+            case ["property", kind, name] if elements and name not in elements[-1].types:
+                elements[-1].types[name] = _find_type(kind)
             case [] | ["comment", *_] | ["obj_info", *_]:
                 pass
             case _:
@@ -144,111 +125,35 @@ def _find_type(name: str) -> str:
     return _TYPES[name]
 
 
-def find_num_faces(file: BoundedFile) -> int:
-    """Return how many faces the header of a .ply file promises."""
-    _, elements = _read_header(file)
-    return sum(element.num_rows for element in elements if element.name == "face")
-
-
-def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> RawPoints:
-    num_lines = sum(element.num_rows for element in (*before, vertex) if element.properties)
-    if num_lines > file.num_lines:
-        raise ScanError(f"the .ply header promises {num_lines} rows in {file.num_lines} lines")
+def _read_ascii(file: BoundedFile, num_skipped: int, vertex: _Element) -> RawPoints:
+    num_rows = num_skipped + vertex.num_rows
+    if num_rows > file.num_lines:
+        raise ScanError(f"the .ply header promises {num_rows} rows in {file.num_lines} lines")
     lines = (line for line in point_rows.read_lines(file) if not line.isspace())
-    for element in before:
-        if element.properties:
-            next(itertools.islice(lines, element.num_rows, element.num_rows), None)
-    rows = itertools.islice(lines, vertex.num_rows)
-    colors = None
-    if vertex.has_lists:
-        points = _collect(file, vertex, _parse_rows(rows, vertex))
-    else:
-        names = [one.name for one in vertex.properties]
-        wanted = ["x", "y", "z", *(COLORS if {*COLORS} <= set(names) else ())]
-        values = point_rows.read_text_rows(file, rows, [names.index(name) for name in wanted], comments=None)
-        points = np.ascontiguousarray(values[:, :3])
-        colors = as_colors(values[:, 3:]) if len(wanted) > 3 else None
-    if len(points) != vertex.num_rows:
-        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices, the data hold {len(points)}")
-    return RawPoints(points, colors)
+    names = list(vertex.types)
+    wanted = [*"xyz", *(point_rows.COLORS if {*point_rows.COLORS} <= {*names} else ())]
+    columns = [names.index(name) for name in wanted]
+    if any(names.index(name) < max(columns) for name in vertex.lists):
+        raise ScanError("the vertices of the .ply file have lists before their coordinates; write them last")
+    rows = itertools.islice(lines, num_skipped, num_rows)
+    values = point_rows.read_text_rows(file, rows, columns, comments=None)
+    if len(values) != vertex.num_rows:
+        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices, the data hold {len(values)}")
+    return point_rows.split_colors(values)
 
 
-def _check_num_values(elements: list[_Element]) -> None:
-    """Refuse what would take hours: rows that differ in length are read one after the other."""
-    count = sum(one.num_rows * len(one.properties) for one in elements if one.has_lists)
-    if count > _MAX_VALUES:
-        raise ScanError(
-            f"the .ply header promises {count} values in rows with lists, up to the vertices; {_MAX_VALUES} are "
-            "read at most: write the vertices first, and without lists"
-        )
-
-
-def _skip(file: BoundedFile, element: _Element, byte_order: str) -> None:
-    """Move on to the end of an element."""
-    if element.has_lists:
-        for _ in _iterate_rows(file, element, byte_order):
-            pass
-        return
-    size = element.num_rows * sum(one.size for one in element.properties)
-    _skip_bytes(file, size)
-
-
-def _skip_bytes(file: BoundedFile, size: int) -> None:
-    if size > file.num_left:
-        raise ScanError(f"the .ply header promises {size} bytes where {file.num_left} are left")
-    file.stream.seek(size, 1)
-
-
-def _iterate_rows(file: BoundedFile, element: _Element, byte_order: str) -> Iterator[dict[str, float]]:
-    """Yield the single values of binary rows whose lists differ in length."""
-    properties = [
-        (
-            one.name,
-            struct.Struct(byte_order + _STRUCTS[one.length_type or one.type]),
-            one.length_type,
-            one.size,
-        )
-        for one in element.properties
-    ]
-    for _ in range(element.num_rows):
-        row = {}
-        for name, kind, length_type, size in properties:
-            (value,) = kind.unpack(file.read_exactly(kind.size))
-            if length_type is None:
-                row[name] = float(value)
-            elif not 0 <= value < math.inf:
-                raise ScanError(f"the .ply file has a list {name} of {value} values")
-            elif value:
-                _skip_bytes(file, int(value) * size)
-        yield row
-
-
-def _parse_rows(lines: Iterator[str], element: _Element) -> Iterator[dict[str, float]]:
-    """Yield the single values of ascii rows with lists in them."""
-    for line in lines:
-        row, words = {}, iter(line.split())
-        try:
-            for one in element.properties:
-                value = next(words)
-                if one.length_type is None:
-                    row[one.name] = float(value)
-                else:
-                    length = point_rows.parse_count(value)
-                    next(itertools.islice(words, length, length), None)
-        except (StopIteration, ValueError) as error:
-            raise ScanError(
-                f"the .ply file has a row {line[:60]!r} that is not as its header says"
-            ) from error
-        yield row
-
-
-def _collect(
-    file: BoundedFile, vertex: _Element, rows: Iterator[dict[str, float]]
-) -> Float[np.ndarray, "N 3"]:
-    if vertex.num_rows > file.size:
-        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices in {file.size} bytes")
-    points, num_read = point_rows.allocate_points(file, vertex.num_rows), 0
-    for row in rows:
-        points[num_read] = row["x"], row["y"], row["z"]
-        num_read += 1
-    return points[:num_read]
+def _read_lists(file: BoundedFile, element: _Element, byte_order: str) -> Float[np.ndarray, "N 3"]:
+    """Read binary rows with lists of any length, one after the other; return x, y, z, where the element has them."""
+    kinds = {code: struct.Struct(byte_order + code) for code in _CODES.values()}
+    if element.num_rows > file.num_left:
+        raise ScanError(f"the .ply header promises {element.num_rows} rows in {file.num_left} bytes")
+    points = point_rows.allocate_points(file, element.num_rows)
+    for row in range(element.num_rows):
+        values: dict[str, float] = {}
+        for name, code in element.types.items():
+            kind = kinds[element.lists.get(name, code)]
+            (values[name],) = kind.unpack(file.read_exactly(kind.size))
+            if name in element.lists:
+                file.read_exactly(int(values[name]) * kinds[code].size)
+        points[row] = [values.get(axis, 0.0) for axis in "xyz"]
+    return points

@@ -5,14 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from io import TextIOWrapper
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int, Num, Shaped, UInt8, UInt32
+from jaxtyping import Float, UInt8, UInt32
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.bounded_read import BoundedFile, UnreadableFileError, check_size
 from reconstruction._src.base.errors import ReconstructionError, ScanError
+from reconstruction._src.scans.frames import RawPoints, as_colors
 
 FLATNESS = 1e-6
 """A cloud thinner than this share of its length in two directions is a line: far below the noise of any scanner, and
@@ -35,9 +35,7 @@ def check_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
     except (TypeError, ValueError) as error:
         raise ReconstructionError(f"points must be real numbers of the shape [N, 3]: {error}") from error
     if array.ndim != 2 or array.shape[1] != 3:
-        raise ReconstructionError(
-            f"points must have the shape [N, 3], got {list(array.shape)}; one row x, y, z per point"
-        )
+        raise ReconstructionError(f"points must have the shape [N, 3], got {list(array.shape)}")
     if len(array) < _MIN_POINTS:
         raise ReconstructionError(f"a surface needs at least {_MIN_POINTS} points, got {len(array)}")
     array = np.ascontiguousarray(array, dtype=np.float64)
@@ -86,53 +84,6 @@ def check_seed(seed: int) -> int:
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise ReconstructionError(f"seed must be a whole number from 0 on, got {seed!r}")
     return int(seed)
-
-
-_MAX_BYTE, _MAX_SHORT = 255, 65535
-
-
-class RawPoints(NamedTuple):
-    """The points of a file in its own frame and unit."""
-
-    points: Float[np.ndarray, "N 3"]  # rows may hold nan
-    colors: UInt8[np.ndarray, "N 3"] | None = None  # red, green and blue from 0 to 255, or None
-    viewpoints: Float[np.ndarray, "K 3"] | None = None  # positions of the sensor, or None
-    seen_from: Int[np.ndarray, " N"] | None = None  # index of the viewpoint of each point, or None
-    meters: float | None = None  # meters in a unit of the file, or None where the file does not say
-    has_fixed_unit: bool = False  # the format has this unit, and no other
-    up: str | None = None  # the axis that points up ("x", "-x", ...), or None where the file does not say
-    num_ignored: int = 0  # points that the file itself marks as unusable; they are left out
-
-
-def as_colors(values: Num[np.ndarray, "N 3"]) -> UInt8[np.ndarray, "N 3"] | None:
-    """Return red, green and blue as bytes, whatever range the file uses: 0 to 1, 255 or 65535.
-
-    None where all are zero, as files hold that reserve room for colors, and where the values are no colors.
-    """
-    if values.dtype == np.uint8:
-        return values if values.any() else None
-    finite = np.nan_to_num(values.astype(np.float64), nan=0.0, posinf=np.inf, neginf=-np.inf)
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
-    if low < 0 or not 0 < high <= _MAX_SHORT:
-        return None
-    if values.dtype.kind == "f" and high <= 1:
-        finite *= _MAX_BYTE
-    elif high > _MAX_BYTE:
-        finite *= _MAX_BYTE / _MAX_SHORT
-    return np.round(finite).astype(np.uint8)
-
-
-def is_plausible_origin(points: Float[np.ndarray, "N 3"]) -> bool:
-    """Return whether the origin can be where the sensor stood: no farther from the points than they extend.
-
-    Formats that always state a viewpoint state the origin where nobody knew it, also for map coordinates.
-    """
-    finite = points[np.isfinite(points).all(axis=1)]
-    if not len(finite):
-        return False
-    low, high = finite.min(axis=0), finite.max(axis=0)
-    outside = np.maximum(np.maximum(low, -high), 0)
-    return bool(np.linalg.norm(outside) <= np.linalg.norm(high - low))
 
 
 COLORS = ("red", "green", "blue")  # Names of the columns of a point's color
@@ -197,16 +148,22 @@ def read_text_rows(
 ) -> Float[np.ndarray, "N C"]:
     """Read columns of numbers, one row a line; blank lines are skipped."""
     check_num_points(file, file.num_lines)
-    points, num_read, remaining = np.empty((file.num_lines, len(columns))), 0, iter(lines)
+    values, num_read, remaining = np.empty((file.num_lines, len(columns))), 0, iter(lines)
     while block := next_block(remaining):
         try:
             with warnings.catch_warnings(action="ignore"):  # a block of comments alone
                 rows = np.loadtxt(block, delimiter=delimiter, comments=comments, usecols=columns, ndmin=2)
         except ValueError as error:
             raise ScanError(f"not three columns of numbers: {error}, counted from row {num_read}") from error
-        points[num_read : num_read + len(rows)] = rows
+        values[num_read : num_read + len(rows)] = rows
         num_read += len(rows)
-    return points[:num_read]
+    return values[:num_read]
+
+
+def split_colors(values: Float[np.ndarray, "N C"]) -> RawPoints:
+    """Return rows x, y, z, or x, y, z, red, green, blue, as points."""
+    colors = as_colors(values[:, 3:]) if values.shape[1] > 3 else None
+    return RawPoints(np.ascontiguousarray(values[:, :3]), colors)
 
 
 def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> RawPoints:
@@ -216,37 +173,32 @@ def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> RawPo
     """
     if num_records * record.itemsize > file.num_left or record.itemsize > _MAX_LINE:
         raise ScanError(
-            f"the header promises {num_records} points of {record.itemsize} bytes, "
-            f"but {file.num_left} bytes follow"
+            f"the header promises {num_records} x {record.itemsize} bytes, {file.num_left} follow"
         )
+    names = record.names or ()
     points, step = allocate_points(file, num_records), max(_MAX_LINE // record.itemsize, 1)
-    has_colors = {*COLORS} <= set(record.names or ()) or "rgb" in (record.names or ())
-    colors = np.empty((num_records, 3), _find_color_type(record)) if has_colors else None
+    colors = None
+    if "rgb" in names or {*COLORS} <= set(names):
+        kind = record["red"] if "red" in names else np.dtype(np.uint8)
+        # In memory a color takes no more than four bytes
+        colors = np.empty((num_records, 3), kind.newbyteorder("=") if kind.itemsize <= 4 else np.float32)
     for first in range(0, num_records, step):
-        num_rows = min(step, num_records - first)
-        rows = np.frombuffer(file.read_exactly(num_rows * record.itemsize), record)
+        chosen = slice(first, min(first + step, num_records))
+        rows = np.frombuffer(file.read_exactly((chosen.stop - first) * record.itemsize), record)
         for axis, name in enumerate("xyz"):
-            points[first : first + num_rows, axis] = rows[name]
+            points[chosen, axis] = rows[name]
         if colors is not None:
-            colors[first : first + num_rows] = _find_colors(rows)
+            colors[chosen] = (
+                unpack_rgb(rows["rgb"])
+                if "rgb" in names
+                else np.stack([rows[name] for name in COLORS], axis=1)
+            )
     return RawPoints(points, None if colors is None else as_colors(colors))
 
 
 def unpack_rgb(packed: UInt32[np.ndarray, " N"]) -> UInt8[np.ndarray, "N 3"]:
     """Return red, green and blue of whole numbers 0xRRGGBB."""
     return np.stack([(packed >> shift) & 0xFF for shift in (16, 8, 0)], axis=1).astype(np.uint8)
-
-
-def _find_color_type(record: np.dtype) -> np.dtype:
-    """Return the type of the colors of a record in memory: their own, where it takes no more than four bytes."""
-    kind = record["red"] if "red" in (record.names or ()) else np.dtype(np.uint8)
-    return kind.newbyteorder("=") if kind.itemsize <= 4 else np.dtype(np.float32)
-
-
-def _find_colors(rows: Shaped[np.ndarray, " N"]) -> Num[np.ndarray, "N 3"]:
-    if "rgb" in (rows.dtype.names or ()):
-        return unpack_rgb(rows["rgb"])
-    return np.stack([rows[name] for name in COLORS], axis=1)
 
 
 def parse_count(word: str) -> int:

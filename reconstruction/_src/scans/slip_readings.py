@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -55,9 +55,7 @@ class SlipReadings:
             if array.shape != wanted:
                 raise ScanError(f"slip readings: {name} has shape {array.shape}; {count} times need {wanted}")
             if not np.isfinite(array).all():
-                raise ScanError(
-                    f"slip readings: {name} must be finite; leave out the ticks without a reading"
-                )
+                raise ScanError(f"slip readings: {name} must be finite; leave out ticks without a reading")
             object.__setattr__(self, name, array)
         object.__setattr__(self, "mass", float(self.mass))
         if not 0.0 < self.mass < np.inf:
@@ -70,10 +68,6 @@ class SlipReadings:
     def __len__(self) -> int:
         """Return the number of ticks."""
         return len(self.times)
-
-    def as_arrays(self) -> dict[str, np.ndarray]:
-        """Return the fields as arrays, for a file; `SlipReadings(**arrays)` reads them."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
 
 
 def find_segments(values: Float[np.ndarray, " D"], sigma: float, penalty: float) -> Int[np.ndarray, " D"]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Float
@@ -11,9 +10,9 @@ from jaxtyping import Float
 from reconstruction._src.base.bounded_read import BoundedFile
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.point_rows import RawPoints, as_colors
+from reconstruction._src.scans.frames import RawPoints
 
-_COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"))  # Titles of the columns of a color
+_COLOR_NAMES = (point_rows.COLORS, ("r", "g", "b"))  # Titles of the columns of a color
 _COLOR_COLUMNS = {6: (3, 4, 5), 7: (4, 5, 6)}
 """Where colors stand in rows without titles: x y z r g b, and x y z intensity r g b as in .pts."""
 _VTK_TYPES = {
@@ -37,10 +36,10 @@ def read_text(file: BoundedFile) -> RawPoints:
     """
     point_rows.check_num_points(file, file.num_lines)
     lines = point_rows.read_lines(file)
-    numbered = enumerate(lines, start=1)
-    number, first = _find_content(numbered)
+    contents = (pair for pair in enumerate(lines, start=1) if pair[1].split("#")[0].strip())
+    number, first = next(contents, (0, ""))
     if file.suffix == ".pts" and len(first.split()) == 1:
-        number, first = _find_content(numbered)
+        number, first = next(contents, (0, ""))
     if not number:
         raise ScanError("holds no line with numbers")
     head = first.split("#")[0].strip()
@@ -52,17 +51,10 @@ def read_text(file: BoundedFile) -> RawPoints:
     if not has_names:
         lines = itertools.chain([first], lines)
     values = point_rows.read_text_rows(file, lines, columns, delimiter)
-    if len(columns) == 3:
-        return RawPoints(values)
-    points, last = np.ascontiguousarray(values[:, :3]), values[:, 3:]
+    last = values[:, 3:]
     if not has_names and not ((last >= 0) & (last <= 255) & (last == np.floor(last))).all():
-        return RawPoints(points)
-    return RawPoints(points, as_colors(last))
-
-
-def _find_content(numbered: Iterator[tuple[int, str]]) -> tuple[int, str]:
-    """Return number and text of the next line that is not blank or a comment, or 0."""
-    return next(((i, line) for i, line in numbered if line.split("#")[0].strip()), (0, ""))
+        values = values[:, :3]
+    return point_rows.split_colors(values)
 
 
 def _find_columns(words: list[str]) -> tuple[list[int], bool]:
@@ -77,6 +69,14 @@ def _find_columns(words: list[str]) -> tuple[list[int], bool]:
     return [words.index(name) for name in ("x", "y", "z", *names)], True
 
 
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def read_obj(file: BoundedFile) -> RawPoints:
     """Read the vertices (lines `v x y z`, or `v x y z r g b`) of a Wavefront file."""
     vertices = (line for line in point_rows.read_lines(file) if line.startswith(("v ", "v\t")))
@@ -85,8 +85,7 @@ def read_obj(file: BoundedFile) -> RawPoints:
     values = point_rows.read_text_rows(file, itertools.chain([first], vertices), columns)
     if not len(values):
         raise ScanError("the .obj file has no vertices")
-    colors = as_colors(values[:, 3:]) if len(columns) > 3 else None
-    return RawPoints(np.ascontiguousarray(values[:, :3]), colors)
+    return point_rows.split_colors(values)
 
 
 def has_obj_faces(file: BoundedFile) -> bool:
@@ -102,15 +101,15 @@ def read_vtk(file: BoundedFile) -> RawPoints:
     form = head[2].upper()
     if form not in ("ASCII", "BINARY"):
         raise ScanError(f"the third line of the .vtk file is {head[2][:40]!r}, not ASCII or BINARY")
-    words = ["", "", ""]
+    words = [""]
     while words[0] != "POINTS":
         words = [*point_rows.read_header_line(file).split(), "", "", ""]
     count, kind = point_rows.parse_count(words[1]), words[2].lower()
     if kind not in _VTK_TYPES:
         raise ScanError(f"the .vtk file has POINTS of type {kind!r}; known are {', '.join(_VTK_TYPES)}")
     if form == "BINARY":
-        value = _VTK_TYPES[kind]
-        return point_rows.read_records(file, np.dtype([("x", value), ("y", value), ("z", value)]), count)
+        record = np.dtype([(axis, _VTK_TYPES[kind]) for axis in "xyz"])
+        return point_rows.read_records(file, record, count)
     if _MIN_POINT_BYTES * count > file.num_left + 1:
         raise ScanError(f"the .vtk file promises {count} points in {file.num_left} bytes")
     return RawPoints(_read_numbers(file, count))
@@ -127,11 +126,3 @@ def _read_numbers(file: BoundedFile, count: int) -> Float[np.ndarray, "N 3"]:
         flat[num_read : num_read + len(words)] = np.array(words, dtype=np.float64)
         num_read += len(words)
     return points
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, Int, UInt8
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
+from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.typed_json import JsonError, read_json
-from reconstruction._src.surfaces.color import add_alpha
 from reconstruction._src.tiles.point_stream import Place
-from reconstruction._src.tiles.tile import read_colors, read_surface
+from reconstruction._src.tiles.seams import Surface
 
 INDEX = "tiles.json"
 FORMAT = 1
@@ -41,20 +41,15 @@ class TiledSurface:
         try:
             index = read_json(folder / INDEX)
             if index["format"] > FORMAT:
-                raise ReconstructionError(f"{folder / INDEX}: written by a newer version")
+                raise ValueError("written by a newer version")
             if index["complete"] is not True:
-                raise ReconstructionError(f"{folder}: the reconstruction did not end; start it again")
-            places = tuple(
-                (int(column), int(row)) for column, row in (entry["place"] for entry in index["tiles"])
-            )
+                raise ValueError("the reconstruction did not end; start it again")
+            entries = [entry["place"] for entry in index["tiles"]]
+            places = tuple((int(column), int(row)) for column, row in entries)
             x, y, z = (float(value) for value in index["offset"])
             return cls(folder, float(index["tile"]), (x, y, z), places)
-        except ReconstructionError:
-            raise
         except (JsonError, KeyError, TypeError, ValueError) as error:
-            raise ReconstructionError(
-                f"{folder / INDEX}: no index of tiles ({error}); reconstruct again"
-            ) from error
+            raise ReconstructionError(f"{folder / INDEX}: no index of tiles ({error})") from error
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 2"]:
@@ -75,25 +70,14 @@ class TiledSurface:
         middle = self.bounds.mean(axis=0) if center is None else np.asarray(center, dtype=np.float64)[:2]
         places = self.find_places(middle, radius)
         if not places:
-            low, high = self.bounds
+            there = " to ".join(str(corner.tolist()) for corner in self.bounds)
             raise ReconstructionError(
-                f"no tile within {radius:g} m of {middle.tolist()}; "
-                f"there are tiles from {low.tolist()} to {high.tolist()} m"
+                f"no tile within {radius:g} m of {middle.tolist()}; there are {there} m"
             )
-        surfaces = [read_surface(self.folder / name_tile(place)) for place in places]
-        counts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
-        vertices = np.concatenate([vertices for vertices, _ in surfaces])
-        faces = np.concatenate(
-            [faces + count for (_, faces), count in zip(surfaces, counts[:-1], strict=True)]
-        )
-        # Both sides of a seam have the same vertices.
-        different, first, numbers = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-        mesh = trimesh.Trimesh(different, numbers.reshape(-1)[faces], process=False)
-        parts = [read_colors(self.folder / name_tile(place)) for place in places]
-        colors = [part for part in parts if part is not None]
-        if len(colors) == len(parts):
-            together = add_alpha(np.concatenate(colors)[first])
-            mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=together)
+        parts = [read_surface(self.folder / name_tile(place)) for place in places]
+        meshes = [trimesh.Trimesh(*part, vertex_colors=colors, process=False) for part, colors in parts]
+        mesh: Any = trimesh.util.concatenate(meshes)
+        mesh.merge_vertices()  # both sides of a seam have the same ones
         return mesh
 
 
@@ -107,16 +91,15 @@ def claim_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise ReconstructionError(f"{folder} is a file; choose another folder")
     index = folder / INDEX
-    if not index.exists():
-        if folder.exists() and set(folder.iterdir()) - find_leftovers(folder).keys():
-            raise ReconstructionError(f"{folder} is not empty and holds no tiles; choose another folder")
-    else:
+    if index.exists():
         try:
             is_own = isinstance(read_json(index)["tiles"], list)
         except (JsonError, KeyError, TypeError):
             is_own = False
         if not is_own:
             raise ReconstructionError(f"{index} is damaged or of another program; choose another folder")
+    elif folder.exists() and set(folder.iterdir()) - find_leftovers(folder).keys():
+        raise ReconstructionError(f"{folder} is not empty and holds no tiles; choose another folder")
     folder.mkdir(parents=True, exist_ok=True)
     write_index(folder, {"complete": False, "tiles": []})
     for path in folder.iterdir():
@@ -128,3 +111,35 @@ def write_index(folder: Path, content: dict[str, Any]) -> None:
     """Write `tiles.json`."""
     with write_atomically(folder / INDEX) as temporary:
         temporary.write_text(json.dumps({"format": FORMAT, **content}, indent=1, allow_nan=False) + "\n")
+
+
+def write_surface(
+    path: Path,
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    colors: UInt8[np.ndarray, "V 3"] | None = None,
+) -> None:
+    """Write the surface of a tile, with the colors of its vertices where they are known."""
+    arrays = {"vertices": vertices, "faces": faces.astype(np.int32)}
+    if colors is not None:
+        arrays["colors"] = colors
+    with write_atomically(path) as temporary:
+        np.savez_compressed(temporary, **arrays)  # pyright: ignore[reportArgumentType]
+
+
+def read_surface(path: Path) -> tuple[Surface, UInt8[np.ndarray, "V 3"] | None]:
+    """Read the surface of a tile, and the colors of its vertices where it has them."""
+    try:
+        arrays = read_npz(path)
+        vertices, faces = arrays["vertices"].astype(np.float64), arrays["faces"].astype(np.int64)
+        colors = arrays.get("colors")
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+            raise ValueError("not a mesh of triangles")
+        if colors is not None and (colors.dtype != np.uint8 or colors.shape != vertices.shape):
+            raise ValueError(f"colors are {colors.dtype} of {colors.shape}")
+        is_whole = not len(faces) or 0 <= faces.min() <= faces.max() < len(vertices)
+        if not np.isfinite(vertices).all() or not is_whole:
+            raise ValueError("a face names a vertex that is not there")
+    except (OSError, ValueError, KeyError) as error:
+        raise ReconstructionError(f"{path}: no surface of a tile ({error}); reconstruct again") from error
+    return Surface(vertices, faces), colors

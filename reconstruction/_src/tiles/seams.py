@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from reconstruction._src.tiles.point_stream import TilesConfig
+from reconstruction._src.tiles.point_stream import Place, TilesConfig
 
 _ON_BORDER = 1e-9  # A vertex this near to a border lies on it [m]
 _LEAST_SQUARE = 1e-30  # Squared length of an edge without length [m²]
 _STEEP = 4.0
 """Where the nearest place of a curve is this many times nearer than the one straight above or below, it counts: beyond
 76 degrees, curves of two tiles that are a little apart in plan are far apart in height."""
+_MAX_GAP = 0.5
+"""Seams are joined where the surfaces of both tiles are at most this far from each other, as a share of the halo.
+Further apart they are different surfaces, such as a roof and the ground."""
 
 
 class Surface(NamedTuple):
@@ -24,45 +28,50 @@ class Surface(NamedTuple):
     faces: Int[np.ndarray, "F 3"]
 
 
-class Border(NamedTuple):
+class _Border(NamedTuple):
     """One side of a tile."""
 
     axis: int  # 0 for a border of constant x, 1 for one of constant y
     value: float  # that coordinate [m]
 
 
-def join_tile(
-    own: Surface,
-    neighbors: Mapping[tuple[int, int], Surface],
-    place: tuple[int, int],
-    config: TilesConfig,
-) -> Surface:
-    """Return the surface of a tile, cut at its borders, without a step to its neighbors.
+_Partners = dict[bytes, Float[np.ndarray, " 3"]]
+"""Place of a vertex that was added on a border -> the vertex of the other side that it stands for."""
+
+
+def join_tile(own: Surface, neighbors: Mapping[Place, Surface], place: Place, config: TilesConfig) -> Surface:
+    """Return the surface of a tile, cut at its borders, without a step to its neighbors (by their shift in tiles).
 
     In the halo, a vertex moves towards the mean of its tile's surface and those of the neighbors; at the border it lies
     on that mean. Both sides of a border get the vertices of both, at the same places.
     """
-    max_gap = config.max_gap * config.width
-    cut = clip(own, place, config.tile)
+    max_gap = _MAX_GAP * config.width
+    cuts = {
+        (x, y): clip(surface, (place[0] + x, place[1] + y), config.tile)
+        for (x, y), surface in sorted({**neighbors, (0, 0): own}.items())
+    }
+    cut = cuts[0, 0]
     if not len(cut.faces):
         return cut
-    curves: dict[Border, Surface] = {}
-    for shift, neighbor in sorted(neighbors.items()):
-        if 0 in shift:
+    curves: dict[_Border, Surface] = {}
+    for shift, curve in cuts.items():
+        if shift != (0, 0) and 0 in shift:
             axis, step = (0, shift[0]) if shift[0] else (1, shift[1])
-            border = Border(axis, (place[axis] + (step > 0)) * config.tile)
-            curves[border] = clip(neighbor, (place[0] + shift[0], place[1] + shift[1]), config.tile)
-    partners: dict[bytes, Float[np.ndarray, " 3"]] = {}
+            curves[_Border(axis, (place[axis] + (step > 0)) * config.tile)] = curve
+    partners: _Partners = {}
     for border, curve in curves.items():
         cut = _insert_vertices(cut, border, curve, max_gap, partners)
     moved = _blend(cut.vertices, neighbors, place, config, max_gap)
     for border, curve in curves.items():
-        moved = _meet(cut, moved, border, curve, max_gap, partners)
-    surfaces = {(0, 0): own, **neighbors}
-    return Surface(_meet_corners(cut.vertices, moved, surfaces, place, config.tile, max_gap), cut.faces)
+        _meet(cut, moved, border, curve, max_gap, partners)
+    for x, y in itertools.product((-1, 1), repeat=2):
+        meeting = [cuts[shift].vertices for shift in ((0, 0), (x, 0), (0, y), (x, y)) if shift in cuts]
+        corner = np.array([(place[0] + (x > 0)) * config.tile, (place[1] + (y > 0)) * config.tile])
+        _meet_at_corner(cut.vertices, moved, corner, meeting, max_gap)
+    return Surface(moved, cut.faces)
 
 
-def clip(surface: Surface, place: tuple[int, int], tile: float) -> Surface:
+def clip(surface: Surface, place: Place, tile: float) -> Surface:
     """Cut off what is outside of a tile in plan."""
     for axis in (0, 1):
         for sign, number in ((1.0, place[axis]), (-1.0, place[axis] + 1)):
@@ -75,41 +84,33 @@ def _cut(surface: Surface, axis: int, sign: float, value: float) -> Surface:
     vertices, faces = surface
     beyond = sign * (vertices[:, axis] - value)
     beyond[np.abs(beyond) <= _ON_BORDER] = 0.0
-    inside = (beyond >= 0)[faces].sum(axis=1)
+    is_inside = beyond >= 0
+    inside = is_inside[faces].sum(axis=1)
     kept = faces[(inside == 3) & (beyond[faces] > 0).any(axis=1)]
-    parts, new = [kept], []
-    count = len(vertices)
-    for wanted in (1, 2):
-        mixed = faces[inside == wanted]
-        # Rolled so that the odd corner is first: the one inside, or the one outside.
-        odd = ((beyond[mixed] >= 0) == (wanted == 1)).argmax(axis=1)
-        mixed = mixed[np.arange(len(mixed))[:, None], (odd[:, None] + np.arange(3)) % 3]
-        places = [_cross(vertices, beyond, mixed[:, 0], mixed[:, i], axis, value) for i in (1, 2)]
-        first, second = (count + i * len(mixed) + np.arange(len(mixed)) for i in (0, 1))
-        count += 2 * len(mixed)
-        new += places
-        if wanted == 1:
-            parts.append(np.stack([mixed[:, 0], first, second], axis=1))
-        else:
-            parts.append(np.stack([first, mixed[:, 1], mixed[:, 2]], axis=1))
-            parts.append(np.stack([first, mixed[:, 2], second], axis=1))
-    return _weld(Surface(np.concatenate([vertices, *new]), np.concatenate(parts)))
-
-
-def _cross(
-    vertices: Float[np.ndarray, "V 3"],
-    beyond: Float[np.ndarray, " V"],
-    begin: Int[np.ndarray, " F"],
-    end: Int[np.ndarray, " F"],
-    axis: int,
-    value: float,
-) -> Float[np.ndarray, "F 3"]:
-    """Return where edges cross a border; an edge gives the same place from both of its faces."""
-    begin, end = np.minimum(begin, end), np.maximum(begin, end)
+    mixed = faces[(inside == 1) | (inside == 2)]
+    # Rolled so that the odd corner is first: the one inside, or the one outside.
+    is_single = is_inside[mixed].sum(axis=1) == 1
+    odd = (is_inside[mixed] == is_single[:, None]).argmax(axis=1)
+    a, b, c = mixed[np.arange(len(mixed))[:, None], (odd[:, None] + np.arange(3)) % 3].T
+    edges = np.sort(np.concatenate([np.stack([a, b], axis=1), np.stack([a, c], axis=1)]), axis=1)
+    (begin, end), numbers = _unique_rows(edges)
     share = beyond[begin] / (beyond[begin] - beyond[end])
-    place = vertices[begin] + share[:, None] * (vertices[end] - vertices[begin])
-    place[:, axis] = value
-    return place
+    new = vertices[begin] + share[:, None] * (vertices[end] - vertices[begin])
+    new[:, axis] = value
+    first, second = (len(vertices) + numbers).reshape(2, -1)
+    parts = [
+        kept,
+        np.stack([a, first, second], axis=1)[is_single],
+        np.stack([first, b, c], axis=1)[~is_single],
+        np.stack([first, c, second], axis=1)[~is_single],
+    ]
+    return _weld(Surface(np.concatenate([vertices, new]), np.concatenate(parts)))
+
+
+def _unique_rows(rows: Int[np.ndarray, "N 2"]) -> tuple[Int[np.ndarray, "2 M"], Int[np.ndarray, " N"]]:
+    """Return the columns of the different rows, and which of them each row is."""
+    different, numbers = np.unique(rows, axis=0, return_inverse=True)
+    return different.T, numbers.reshape(-1)
 
 
 def _weld(surface: Surface) -> Surface:
@@ -121,17 +122,12 @@ def _weld(surface: Surface) -> Surface:
     return Surface(vertices[used], faces.reshape(-1, 3))
 
 
-def _find_seam_edges(surface: Surface, border: Border) -> Int[np.ndarray, "E 3"]:
-    """Return the face, and the number of its edge's first corner, of edges on a border: (face, corner, next corner)."""
+def _find_seam_edges(surface: Surface, border: _Border) -> Int[np.ndarray, "E 3"]:
+    """Return the edges on a border: (face, corner, next corner)."""
     on = np.abs(surface.vertices[:, border.axis] - border.value) <= _ON_BORDER
-    faces = surface.faces
-    rows = []
-    for corner in range(3):
-        following = (corner + 1) % 3
-        is_edge = on[faces[:, corner]] & on[faces[:, following]]
-        face = np.flatnonzero(is_edge)
-        rows.append(np.stack([face, faces[face, corner], faces[face, following]], axis=1))
-    return np.concatenate(rows)
+    corners, following = surface.faces.T, np.roll(surface.faces, -1, axis=1).T
+    _, face = is_edge = np.nonzero(on[corners] & on[following])
+    return np.stack([face, corners[is_edge], following[is_edge]], axis=1)
 
 
 def _find_opposite(
@@ -142,39 +138,30 @@ def _find_opposite(
     It is the place straight above or below: then the curves' vertices alternate in one order, whichever side they are
     looked at from. Where the curve is so steep that the nearest place is much nearer, it is that one.
     """
-    begin, end = curve.vertices[edges[:, 1]], curve.vertices[edges[:, 2]]
-    along = end - begin
+    rows = np.arange(len(points))
+    begin = curve.vertices[edges[:, 1]]
+    along = curve.vertices[edges[:, 2]] - begin
+    offset = points[:, None] - begin
     squared = np.maximum((along**2).sum(axis=1), _LEAST_SQUARE)
-    run = along[:, 1 - axis]
-    is_level = np.abs(run) > _ON_BORDER
-    places, distances = np.empty_like(points), np.empty(len(points))
-    segments = np.empty(len(points), dtype=np.int64)
-    for i, point in enumerate(points):
-        share = np.clip(((point - begin) * along).sum(axis=1) / squared, 0.0, 1.0)
-        gaps = np.linalg.norm(begin + share[:, None] * along - point, axis=1)
-        segment = int(gaps.argmin())
-        chosen = begin[segment] + share[segment] * along[segment]
-        above = np.divide(
-            point[1 - axis] - begin[:, 1 - axis], run, out=np.full(len(run), -1.0), where=is_level
-        )
-        spans = np.flatnonzero((above >= 0.0) & (above <= 1.0))
-        heights = begin[spans, 2] + above[spans] * along[spans, 2]
-        rises = np.abs(heights - point[2])
-        if len(spans) and rises.min() <= _STEEP * gaps[segment] + _ON_BORDER:
-            nearest = int(rises.argmin())
-            segment = int(spans[nearest])
-            chosen = np.array([point[0], point[1], heights[nearest]])
-        places[i], segments[i] = chosen, segment
-        distances[i] = float(np.linalg.norm(chosen - point))
-    return places, distances, segments
+    share = np.clip((offset * along).sum(axis=2) / squared, 0.0, 1.0)
+    nearest = begin + share[:, :, None] * along
+    gaps = np.linalg.norm(nearest - points[:, None], axis=2)
+    segment = gaps.argmin(axis=1)
+    places = nearest[rows, segment]
+
+    run = np.where(np.abs(along[:, 1 - axis]) > _ON_BORDER, along[:, 1 - axis], np.nan)
+    above = offset[:, :, 1 - axis] / run
+    heights = begin[:, 2] + above * along[:, 2]
+    rises = np.where((above >= 0.0) & (above <= 1.0), np.abs(heights - points[:, 2:]), np.inf)
+    over = rises.argmin(axis=1)
+    is_over = rises[rows, over] <= _STEEP * gaps[rows, segment] + _ON_BORDER
+    straight = np.c_[points[:, :2], heights[rows, over]]
+    places = np.where(is_over[:, None], straight, places)
+    return places, np.linalg.norm(places - points, axis=1), np.where(is_over, over, segment)
 
 
 def _insert_vertices(
-    own: Surface,
-    border: Border,
-    other: Surface,
-    max_gap: float,
-    partners: dict[bytes, Float[np.ndarray, " 3"]],
+    own: Surface, border: _Border, other: Surface, max_gap: float, partners: _Partners
 ) -> Surface:
     """Give the edges on a border the vertices that the other side has there, and note which vertex is whose."""
     edges, theirs = _find_seam_edges(own, border), _find_seam_edges(other, border)
@@ -183,26 +170,24 @@ def _insert_vertices(
     visitors = other.vertices[np.unique(theirs[:, 1:])]
     vertices = own.vertices
     places, gaps, segments = _find_opposite(visitors, own, edges, border.axis)
-    near = np.flatnonzero(gaps <= max_gap)
-    added, new_faces = [], []
+    added = []
     split: dict[int, list[tuple[float, int]]] = {}
-    for i in near:
-        face, begin, end = edges[segments[i]]
+    for i in np.flatnonzero(gaps <= max_gap):
+        _, begin, end = edges[segments[i]]
         length = np.linalg.norm(vertices[end] - vertices[begin])
         along = float(np.linalg.norm(places[i] - vertices[begin]))
         if _ON_BORDER < along < length - _ON_BORDER:
             split.setdefault(int(segments[i]), []).append((along, len(vertices) + len(added)))
             added.append(places[i])
             partners[places[i].tobytes()] = visitors[i]
-    is_kept = np.ones(len(own.faces), dtype=bool)
+    is_kept, new_faces = np.ones(len(own.faces), dtype=bool), []
     for segment, stops in split.items():
         face, begin, end = (int(number) for number in edges[segment])
-        if not is_kept[face]:
-            continue
-        is_kept[face] = False
-        (apex,) = set(own.faces[face].tolist()) - {begin, end}
-        chain = [begin, *(number for _, number in sorted(stops)), end]
-        new_faces += [[chain[i], chain[i + 1], apex] for i in range(len(chain) - 1)]
+        if is_kept[face]:
+            is_kept[face] = False
+            (apex,) = set(own.faces[face].tolist()) - {begin, end}
+            chain = [begin, *(number for _, number in sorted(stops)), end]
+            new_faces += [[*pair, apex] for pair in itertools.pairwise(chain)]
     if not new_faces:
         return own
     faces = np.concatenate([own.faces[is_kept], np.array(new_faces, dtype=np.int64)])
@@ -211,106 +196,66 @@ def _insert_vertices(
 
 def _blend(
     vertices: Float[np.ndarray, "V 3"],
-    neighbors: Mapping[tuple[int, int], Surface],
-    place: tuple[int, int],
+    neighbors: Mapping[Place, Surface],
+    place: Place,
     config: TilesConfig,
     max_gap: float,
 ) -> Float[np.ndarray, "V 3"]:
     """Move vertices in the halo towards the mean of all surfaces there; weights fall from 1 at a border to 0."""
+    import igl
+
     total, weights = vertices.copy(), np.ones(len(vertices))
-    for shift, neighbor in sorted(neighbors.items()):
+    for shift, (corners, faces) in sorted(neighbors.items()):
         weight = np.ones(len(vertices))
         for axis, step in enumerate(shift):
             if step:
                 depth = np.abs(vertices[:, axis] - (place[axis] + (step > 0)) * config.tile)
                 weight *= np.clip(1.0 - depth / config.width, 0.0, 1.0)
         near = np.flatnonzero(weight > 0)
-        if not len(near) or not len(neighbor.faces):
+        if not len(near) or not len(faces):
             continue
-        places, gaps = _project(vertices[near], neighbor)
+        squared, _, places = igl.point_mesh_squared_distance(
+            vertices[near], corners, np.ascontiguousarray(faces, dtype=np.int64)
+        )
         # Fades out towards the gap at which surfaces are no longer the same one: nothing jumps there.
-        share = weight[near] * np.clip(2.0 - 2.0 * gaps / max_gap, 0.0, 1.0)
-        total[near] += share[:, None] * places
+        share = weight[near] * np.clip(2.0 - 2.0 * np.sqrt(np.reshape(squared, -1)) / max_gap, 0.0, 1.0)
+        total[near] += share[:, None] * np.reshape(places, (-1, 3))
         weights[near] += share
     return total / weights[:, None]
-
-
-def _project(
-    points: Float[np.ndarray, "N 3"], surface: Surface
-) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, " N"]]:
-    """Return the nearest places on a surface and their distances."""
-    import igl
-
-    squared, _, places = igl.point_mesh_squared_distance(
-        points, surface.vertices, np.ascontiguousarray(surface.faces, dtype=np.int64)
-    )
-    return np.asarray(places).reshape(-1, 3), np.sqrt(np.asarray(squared).reshape(-1))
 
 
 def _meet(
     cut: Surface,
     moved: Float[np.ndarray, "V 3"],
-    border: Border,
+    border: _Border,
     other: Surface,
     max_gap: float,
-    partners: Mapping[bytes, Float[np.ndarray, " 3"]],
-) -> Float[np.ndarray, "V 3"]:
+    partners: _Partners,
+) -> None:
     """Put the vertices on a border in the middle between both cuts: from both sides, that is the same place."""
     edges, theirs = _find_seam_edges(cut, border), _find_seam_edges(other, border)
     if not len(edges) or not len(theirs):
-        return moved
+        return
     numbers = np.unique(edges[:, 1:])
     points = cut.vertices[numbers]
     places, gaps, _ = _find_opposite(points, other, theirs, border.axis)
-    result = moved.copy()
     for number, point, place, gap in zip(numbers, points, places, gaps, strict=True):
         partner = partners.get(point.tobytes())
         if partner is not None or gap <= max_gap:
-            result[number] = (point + (place if partner is None else partner)) / 2
-    return result
+            moved[number] = (point + (place if partner is None else partner)) / 2
 
 
-def _meet_corners(
+def _meet_at_corner(
     vertices: Float[np.ndarray, "V 3"],
     moved: Float[np.ndarray, "V 3"],
-    surfaces: Mapping[tuple[int, int], Surface],
-    place: tuple[int, int],
-    tile: float,
+    corner: Float[np.ndarray, " 2"],
+    meeting: list[np.ndarray],
     max_gap: float,
-) -> Float[np.ndarray, "V 3"]:
-    """Put vertices on a corner of the tile at the mean height of all tiles that meet there."""
-    result = moved.copy()
-    for x in (-1, 1):
-        for y in (-1, 1):
-            corner = np.array([(place[0] + (x > 0)) * tile, (place[1] + (y > 0)) * tile])
-            meeting = [surfaces[shift] for shift in ((0, 0), (x, 0), (0, y), (x, y)) if shift in surfaces]
-            for number in np.flatnonzero((np.abs(vertices[:, :2] - corner) <= _ON_BORDER).all(axis=1)):
-                heights = []
-                for surface in meeting:  # the tile's own, too: all four compute bit-identical values
-                    found = _compute_heights(surface, corner)
-                    gaps = np.abs(found - vertices[number, 2])
-                    heights += [float(found[gaps.argmin()])] if len(found) and gaps.min() <= max_gap else []
-                if heights:
-                    result[number] = [*corner, float(np.mean(sorted(heights)))]
-    return result
-
-
-def _compute_heights(surface: Surface, place: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " N"]:
-    """Return the heights of a surface above a place in plan."""
-    corners = surface.vertices[surface.faces]
-    near: Bool[np.ndarray, " F"] = (
-        (corners[:, :, :2].min(axis=1) <= place) & (corners[:, :, :2].max(axis=1) >= place)
-    ).all(axis=1)
-    first, second, third = (corners[near, i] for i in range(3))
-    area = _cross_plan(second - first, third - first)
-    is_seen = np.abs(area) > 1e-12
-    first, second, third, area = first[is_seen], second[is_seen], third[is_seen], area[is_seen]
-    to_place = place - first[:, :2]
-    u, v = _cross_plan(to_place, third - first) / area, _cross_plan(second - first, to_place) / area
-    inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
-    return (first[:, 2] + u * (second[:, 2] - first[:, 2]) + v * (third[:, 2] - first[:, 2]))[inside]
-
-
-def _cross_plan(a: Float[np.ndarray, "N K"], b: Float[np.ndarray, "N L"]) -> Float[np.ndarray, " N"]:
-    """Return the z component of cross products in plan."""
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+) -> None:
+    """Put vertices on a corner of the tile at the mean height of all tiles that meet there: cut, they have it too."""
+    heights = [cut[(np.abs(cut[:, :2] - corner) <= _ON_BORDER).all(axis=1), 2] for cut in meeting]
+    for number in np.flatnonzero((np.abs(vertices[:, :2] - corner) <= _ON_BORDER).all(axis=1)):
+        nearest = [each[np.abs(each - vertices[number, 2]).argmin()] for each in heights if len(each)]
+        near = [height for height in nearest if abs(height - vertices[number, 2]) <= max_gap]
+        if near:
+            moved[number] = [*corner, float(np.mean(sorted(near)))]

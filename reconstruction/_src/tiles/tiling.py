@@ -2,35 +2,49 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.tiles.folder import TiledSurface, claim_folder, name_tile, write_index
+from reconstruction._src.scans.preprocess import preprocess
+from reconstruction._src.surfaces.color import WHITE, ColorSource
+from reconstruction._src.tiles.folder import (
+    TiledSurface,
+    claim_folder,
+    name_tile,
+    read_surface,
+    write_index,
+    write_surface,
+)
 from reconstruction._src.tiles.point_stream import (
-    Bucket,
     Place,
     TilesConfig,
     fill_buckets,
     name_bucket,
     open_points,
+    read_bucket,
 )
-from reconstruction._src.tiles.seams import Surface, join_tile
-from reconstruction._src.tiles.tile import find_tile_colors, read_surface, reconstruct_tile, write_surface
-from reconstruction._src.tiles.workers import RunJobs, run_in_processes
+from reconstruction._src.tiles.seams import join_tile
+from reconstruction._src.tiles.workers import Job, RunJobs, Work, run_in_processes
 
-_NEIGHBORS = tuple((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0))
-
+_NEIGHBORS = [shift for shift in itertools.product((-1, 0, 1), repeat=2) if shift != (0, 0)]
 _MOST_VIEWPOINTS = 64  # Viewpoints that a tile knows: the nearest
+_POINTS_PER_UNIT = 20.0  # Points for each unit at least: with fewer, a network learns the noise
+_MIN_UNITS, _MAX_UNITS = 25, 20_000
+"""Units of a tile: one with points for fewer is left out, a rim that hardly has points; more take time and memory."""
+_STEPS_PER_OCTAVE = 4
+"""Numbers of units come in steps of 2^(1/4): the programs of a network are compiled for each number of units and
+points, which takes seconds. With fewer steps, tiles lose more of their points."""
 
 _logger = logging.getLogger(__name__)
 
@@ -78,131 +92,142 @@ def reconstruct_tiles(
     config = config or TilesConfig()
     run_jobs = run_jobs or run_in_processes(workers)
     stream, folder = open_points(source, meters), Path(folder).absolute()
-    positions = _read_viewpoints(viewpoints, stream.offset)
+    positions = None
+    if viewpoints is not None:
+        seen = Cloud(stream.offset[None], viewpoints=np.asarray(viewpoints))  # checks them
+        positions = seen.viewpoints - stream.offset
     claim_folder(folder)
     with tempfile.TemporaryDirectory(prefix=".working-", dir=folder) as temporary:
         working = Path(temporary)
-        buckets = fill_buckets(stream, working, config, progress)
-        common = {"seed": seed, "method": method, "is_raw": is_raw, "config": asdict(config)}
-        jobs = [
-            common
-            | {
-                "place": list(bucket.place),
-                "points": str(name_bucket(working, bucket.place)),
+        counts = fill_buckets(stream, working, config, progress)
+
+        def make_job(place: Place) -> Job:
+            return {
+                "place": list(place),
+                "config": asdict(config),
+                "points": str(name_bucket(working, place)),
                 "columns": stream.columns,
-                "viewpoints": _find_near_viewpoints(positions, bucket.place, config),
-                "out": str(working / name_tile(bucket.place)),
+                "surface": str(working / name_tile(place)),
             }
-            for bucket in buckets
-            if bucket.num_points
-            >= config.points_per_unit  # not the one point that lies on the rim of the scan
+
+        jobs = [
+            make_job(place)
+            | {"seed": seed, "method": method, "is_raw": is_raw}
+            | {"viewpoints": _find_near_viewpoints(positions, place, config)}
+            for place in sorted(counts)
+            if counts[place] >= _POINTS_PER_UNIT  # not the one point that lies on the rim of the scan
         ]
-        reports = _collect(run_jobs, reconstruct_tile, jobs, "surface of tile", 0.1, progress)
-        places = {tuple(report["place"]) for report in reports if report["units"]}
-        joins = [
-            _make_join(bucket.place, places, working, folder, config) | {"columns": stream.columns}
-            for bucket in buckets
-            if bucket.place in places
-        ]
-        joined = _collect(run_jobs, finish_tile, joins, "seams of tile", 0.9, progress)
-    entries = _describe(buckets, reports, joined)
+        reports = _collect(run_jobs, reconstruct_tile, jobs, "surface of tile", (0.1, 0.9), progress)
+        units = {tuple(report["place"]): report["units"] for report in reports if report["units"]}
+        joins = []
+        for x, y in units:
+            near = [shift for shift in _NEIGHBORS if (x + shift[0], y + shift[1]) in units]
+            neighbors = [[i, j, str(working / name_tile((x + i, y + j)))] for i, j in near]
+            joins.append(make_job((x, y)) | {"out": str(folder / name_tile((x, y))), "neighbors": neighbors})
+        joined = _collect(run_jobs, finish_tile, joins, "seams of tile", (0.9, 1.0), progress)
+    faces = {tuple(result["place"]): result["faces"] for result in joined}
+    entries = [
+        {"place": list(place), "points": counts[place], "units": units[place], "faces": faces[place]}
+        for place in units
+        if faces[place]
+    ]
     if not entries:
         problems = {report["problem"] for report in reports if report["problem"]}
-        raise ReconstructionError(
-            f"no tile has a surface: {'; '.join(sorted(problems)) or 'there are no points'}"
-        )
-    lost = sum(bucket.num_points for bucket in buckets) - sum(entry["points"] for entry in entries)
+        raise ReconstructionError(f"no tile has a surface: {'; '.join(sorted(problems)) or 'no points'}")
+    num_points = counts.total()
+    lost = num_points - sum(entry["points"] for entry in entries)
     if lost:
         _logger.warning("%d of the points lie in tiles with too few for a surface", lost)
-    write_index(
-        folder,
-        {
-            "complete": True,
-            "tile": config.tile,
-            "offset": [float(value) for value in stream.offset],
-            "points": sum(bucket.num_points for bucket in buckets),
-            "points_without_surface": lost,
-            "method": method,
-            "seed": seed,
-            "config": asdict(config),
-            "tiles": entries,
-        },
-    )
+    index = {
+        "complete": True,
+        "tile": config.tile,
+        "offset": stream.offset.tolist(),
+        "points": num_points,
+        "points_without_surface": lost,
+        "method": method,
+        "seed": seed,
+        "config": asdict(config),
+        "tiles": entries,
+    }
+    write_index(folder, index)
     return TiledSurface.load(folder)
 
 
-def _read_viewpoints(viewpoints: ArrayLike | None, offset: Float[np.ndarray, " 3"]) -> np.ndarray | None:
-    """Return positions of the sensor in the frame of the tiles."""
-    if viewpoints is None:
-        return None
-    places = np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))
-    if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():
-        raise ReconstructionError(
-            f"viewpoints must be finite positions x, y, z in meters, got {viewpoints!r}"
-        )
-    return places - offset
-
-
 def _find_near_viewpoints(
-    positions: np.ndarray | None, place: Place, config: TilesConfig
+    positions: Float[np.ndarray, "K 3"] | None, place: Place, config: TilesConfig
 ) -> list[list[float]] | None:
     """Return the viewpoints nearest to a tile, in its own coordinates."""
     if positions is None:
         return None
-    corner = np.array([*place, 0.0]) * config.tile
-    distance = np.linalg.norm((positions - corner)[:, :2] - config.tile / 2, axis=1)
-    return (positions[np.argsort(distance, kind="stable")[:_MOST_VIEWPOINTS]] - corner).tolist()
-
-
-def finish_tile(job: dict[str, Any]) -> dict[str, Any]:
-    """Cut and blend a tile with its neighbors, and write it to its place; a function of plain data, for any worker."""
-    config = TilesConfig(**job["config"])
-    neighbors = {(int(x), int(y)): Surface(*read_surface(Path(path))) for x, y, path in job["neighbors"]}
-    own = Surface(*read_surface(Path(job["own"])))
-    column, row = job["place"]
-    joined = join_tile(own, neighbors, (column, row), config)
-    colors = None
-    if job.get("columns", 3) > 3 and len(joined.vertices):
-        corner = np.array([column, row, 0.0]) * config.tile
-        colors = find_tile_colors(Path(job["points"]), joined.vertices, corner)
-    write_surface(Path(job["out"]), joined.vertices, joined.faces, colors)
-    return {"place": job["place"], "faces": len(joined.faces)}
-
-
-def _make_join(
-    place: Place, places: set[Place], working: Path, folder: Path, config: TilesConfig
-) -> dict[str, Any]:
-    near = [(x, y) for x, y in _NEIGHBORS if (place[0] + x, place[1] + y) in places]
-    return {
-        "place": list(place),
-        "config": asdict(config),
-        "own": str(working / name_tile(place)),
-        "points": str(name_bucket(working, place)),
-        "out": str(folder / name_tile(place)),
-        "neighbors": [[x, y, str(working / name_tile((place[0] + x, place[1] + y)))] for x, y in near],
-    }
+    local = positions - np.array([*place, 0.0]) * config.tile
+    distance = np.linalg.norm(local[:, :2] - config.tile / 2, axis=1)
+    return local[np.argsort(distance, kind="stable")[:_MOST_VIEWPOINTS]].tolist()
 
 
 def _collect(
-    run_jobs: RunJobs, work: Any, jobs: list[dict[str, Any]], name: str, begin: float, progress: Progress
-) -> list[dict[str, Any]]:
+    run_jobs: RunJobs, work: Work, jobs: list[Job], name: str, span: tuple[float, float], progress: Progress
+) -> list[Job]:
     """Run jobs and report the progress: the surfaces take the most time."""
-    share = 0.8 if begin < 0.5 else 0.1
     results = []
     for number, result in enumerate(run_jobs(work, jobs), start=1):
-        progress(f"{name} {number} of {len(jobs)}", begin + share * number / len(jobs))
+        progress(f"{name} {number} of {len(jobs)}", span[0] + (span[1] - span[0]) * number / len(jobs))
         results.append(result)
     return results
 
 
-def _describe(
-    buckets: list[Bucket], reports: list[dict[str, Any]], joined: list[dict[str, Any]]
-) -> list[dict[str, Any]]:
-    """Return the entries of tiles that have a surface."""
-    faces = {tuple(result["place"]): result["faces"] for result in joined}
-    units = {tuple(report["place"]): report["units"] for report in reports}
-    return [
-        {"place": list(place), "points": num_points, "units": units[place], "faces": faces[place]}
-        for place, num_points, _ in buckets
-        if faces.get(place)
-    ]
+def reconstruct_tile(job: Job) -> Job:
+    """Reconstruct a tile with its halo and write its surface, in coordinates of the whole scan.
+
+    A function of plain data, for any worker; as is `finish_tile`.
+    """
+    config = TilesConfig(**job["config"])
+    points = np.ascontiguousarray(read_bucket(Path(job["points"]), job["columns"])[:, :3])
+    report = {"place": job["place"], "units": 0, "problem": None}
+    try:
+        if not job["is_raw"]:
+            points = preprocess(points)
+        units = choose_units(points, config)
+        if not units:
+            return report | {"problem": f"{len(points)} points are too few"}
+        count = round(units * _POINTS_PER_UNIT)
+        if len(points) > count:  # as many by chance, in their order
+            seeds = [job["seed"], *(number % 2**32 for number in job["place"])]
+            rng = np.random.default_rng(seeds)
+            points = points[np.sort(rng.choice(len(points), count, replace=False, shuffle=False))]
+        made = reconstruct(
+            points, method=job["method"], units=units, seed=job["seed"], viewpoints=job["viewpoints"]
+        )
+    except (ReconstructionError, ScanError) as error:
+        return report | {"problem": str(error)}
+    corner = np.array([*job["place"], 0.0]) * config.tile
+    write_surface(Path(job["surface"]), made.mesh.vertices + corner, np.asarray(made.mesh.faces))
+    return report | {"units": units}
+
+
+def choose_units(points: Float[np.ndarray, "N 3"], config: TilesConfig) -> int:
+    """Return the units for the points of a tile, one of a ladder of numbers; 0 where there are too few points."""
+    most = min(len(points) / _POINTS_PER_UNIT, _MAX_UNITS)
+    if config.units_per_area is not None:
+        cell = config.tile / 20  # the area that has points is counted in such cells
+        num_cells = len(np.unique(np.floor(points[:, :2] / cell).astype(np.int64), axis=0))
+        most = min(most, config.units_per_area * num_cells * cell**2)
+    if most < _MIN_UNITS:
+        return 0
+    step = np.floor(_STEPS_PER_OCTAVE * np.log2(most))
+    return max(int(2 ** (step / _STEPS_PER_OCTAVE)), _MIN_UNITS)
+
+
+def finish_tile(job: Job) -> Job:
+    """Cut and blend a tile with its neighbors, and write it to its place."""
+    config = TilesConfig(**job["config"])
+    neighbors = {(int(x), int(y)): read_surface(Path(path))[0] for x, y, path in job["neighbors"]}
+    column, row = job["place"]
+    joined = join_tile(read_surface(Path(job["surface"]))[0], neighbors, (column, row), config)
+    colors = None
+    if job["columns"] > 3 and len(joined.vertices):
+        rows = read_bucket(Path(job["points"]), job["columns"])
+        colored = Cloud(rows[:, :3], np.clip(np.round(rows[:, 3:]), 0, WHITE).astype(np.uint8))
+        corner = np.array([column, row, 0.0]) * config.tile
+        colors = ColorSource(colored).find_colors(joined.vertices - corner)
+    write_surface(Path(job["out"]), joined.vertices, joined.faces, colors)
+    return {"place": job["place"], "faces": len(joined.faces)}

@@ -6,13 +6,13 @@ A job and its result are plain data, and files hold the rest: on several machine
 from __future__ import annotations
 
 import importlib
+import itertools
 import json
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from queue import SimpleQueue
 from typing import Any
 
 from reconstruction._src.base.errors import ReconstructionError
@@ -40,21 +40,17 @@ def run_in_processes(workers: int) -> RunJobs:
         return run_here
 
     def run(work: Work, jobs: Sequence[Job]) -> Iterator[Job]:
-        idle: SimpleQueue[subprocess.Popen[str]] = SimpleQueue()
-        processes = [_start(work) for _ in range(min(workers, len(jobs)))]
-        for process in processes:
-            idle.put(process)
-
-        def ask(job: Job) -> Job:
-            process = idle.get()
-            try:
-                return _ask(process, job)
-            finally:
-                idle.put(process)
-
+        processes = [_start(work, jobs[first::workers]) for first in range(min(workers, len(jobs)))]
         try:
-            with ThreadPoolExecutor(max(len(processes), 1)) as threads:
-                yield from threads.map(ask, jobs)
+            for process, job in zip(itertools.cycle(processes), jobs, strict=False):
+                assert process.stdout is not None
+                line = process.stdout.readline()
+                if not line:
+                    place = job.get("place")
+                    raise ReconstructionError(
+                        f"a worker died on tile {place}; take fewer workers or smaller tiles"
+                    )
+                yield json.loads(line)
         finally:
             for process in processes:
                 process.kill()
@@ -63,26 +59,14 @@ def run_in_processes(workers: int) -> RunJobs:
     return run
 
 
-def _start(work: Work) -> subprocess.Popen[str]:
+def _start(work: Work, jobs: Sequence[Job]) -> subprocess.Popen[str]:
+    """Start a process that does some jobs and writes each result as a line."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
     words = [sys.executable, "-P", "-m", "reconstruction._src.tiles.workers", work.__module__, work.__name__]
-    return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
-
-
-def _ask(process: subprocess.Popen[str], job: Job) -> Job:
-    assert process.stdin is not None
-    assert process.stdout is not None
-    try:
-        process.stdin.write(json.dumps(job) + "\n")
-        process.stdin.flush()
-        line = process.stdout.readline()
-    except OSError:
-        line = ""
-    if not line:
-        raise ReconstructionError(
-            f"a worker died on tile {job.get('place')}; memory may be short: take fewer workers or smaller tiles"
-        )
-    return json.loads(line)
+    with tempfile.TemporaryFile("w+") as file:  # a pipe for them could be full while that of the results is
+        file.writelines(f"{json.dumps(job)}\n" for job in jobs)
+        file.seek(0)
+        return subprocess.Popen(words, stdin=file, stdout=subprocess.PIPE, text=True, env=environment)
 
 
 def serve(module: str, name: str) -> None:

@@ -18,8 +18,7 @@ from reconstruction._src.geometry.orientation import orient_to_viewpoints
 from reconstruction._src.geometry.sampling import count_votes, sample_area
 from reconstruction._src.input_cloud import shift_frame
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.frames import describe_odd_size, find_offset, make_frame
-from reconstruction._src.scans.point_rows import RawPoints
+from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, to_meters
 from symbrion_gym._src.arenas.surface_colors import sample_mesh_colors
 from symbrion_gym._src.arenas.surface_file import check_has_surface, load_surface
 from symbrion_gym._src.contact.quality import RayMesh
@@ -186,7 +185,7 @@ def _place(mesh: trimesh.Trimesh, frame: MeshFrame, name: str) -> trimesh.Trimes
     if vertices.shape[1:] != (3,):
         raise ArenaError(f"{name}: vertices have three coordinates, not {vertices.shape[-1]}")
     try:
-        placed = make_frame(RawPoints(vertices), *frame).place(vertices)
+        placed = to_meters(vertices, RawPoints(vertices), *frame)
     except ScanError as error:
         raise ArenaError(str(error)) from error
     return mesh if placed is vertices else trimesh.Trimesh(placed, mesh.faces, process=False)
@@ -211,7 +210,6 @@ def _take_file(path: Path, name: str, frame: MeshFrame) -> ScannedSurface:
 
 def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
     readings = made.readings
-    dropped = made.dropped
     return ScannedSurface(
         made.mesh,
         name,
@@ -219,7 +217,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         readings.points,
         readings.viewpoints,
         readings.seen_from,
-        None if dropped is None else dropped.share,
+        made.dropped,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
         str(made.notes.get("cut", "")),
         made.colored_readings,

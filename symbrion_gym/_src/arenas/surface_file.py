@@ -50,8 +50,7 @@ def check_has_surface(path: Path) -> None:
 
 def _holds_points(path: Path) -> bool:
     """Return whether a file holds points, rather than faces or a reconstruction; False where it is damaged."""
-    from reconstruction._src.scans.mesh_files import is_mesh
-    from reconstruction._src.scans.point_files import find_kind
+    from reconstruction._src.scans.mesh_files import find_kind, is_mesh
 
     kind = find_kind(path)
     try:

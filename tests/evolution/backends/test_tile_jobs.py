@@ -8,7 +8,7 @@ import pytest
 
 from evolution._src.backends.cluster import run_in_cluster
 from evolution._src.errors import RunError
-from reconstruction._src.tiles.tile import reconstruct_tile
+from reconstruction._src.tiles.tiling import reconstruct_tile
 from reconstruction._src.tiles.workers import run_here
 
 
@@ -27,12 +27,15 @@ def test_a_cluster_gives_what_this_process_gives(tmp_path: Path) -> None:
         "points": str(tmp_path / "points.f4"),
         "method": "gsrm",
         "is_raw": True,
+        "columns": 3,
+        "viewpoints": None,
         "config": {"tile": 4.0},
     }
 
     def make_jobs(name: str) -> list[dict]:
         return [
-            common | {"place": [i, 0], "seed": i, "out": str(tmp_path / f"{name}_{i}.npz")} for i in range(3)
+            common | {"place": [i, 0], "seed": i, "surface": str(tmp_path / f"{name}_{i}.npz")}
+            for i in range(3)
         ]
 
     assert list(run_in_cluster(2)(reconstruct_tile, make_jobs("a"))) == list(

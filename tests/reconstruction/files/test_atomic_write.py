@@ -87,13 +87,6 @@ def test_two_writers_do_not_meet(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_the_longest_name_can_be_written(tmp_path: Path) -> None:
-    path = tmp_path / ("a" * 251 + ".npz")
-    with write_atomically(path) as temporary:
-        temporary.write_text("new")
-    assert path.read_text() == "new"
-
-
 def test_folders_devices_and_protected_files_are_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -48,10 +48,6 @@ def test_what_is_wrong_is_named(text: str, said: str) -> None:
         as_type(parse_json(text), Cart, "cart")
 
 
-def test_other_entries_may_be_allowed() -> None:
-    assert as_type({"radius": 1, "tyre": 0}, Wheel, others_allowed=True) == Wheel(1.0)
-
-
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_numbers_are_finite(number: str) -> None:
     with pytest.raises(JsonError, match=r"b\[1\]\.c is (nan|-?inf)"):

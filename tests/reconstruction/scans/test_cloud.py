@@ -18,10 +18,6 @@ def test_iterating_gives_points_colors_and_viewpoints() -> None:
     assert (colors == COLORS).all()
     assert (viewpoints == VIEWPOINTS).all()
     assert list(Cloud(POINTS))[1:] == [None, None]
-
-
-def test_numpy_takes_a_cloud_as_its_points() -> None:
-    assert np.asarray(Cloud(POINTS)).shape == (4, 3)
     assert np.asarray(Cloud(POINTS), np.float32).dtype == np.float32
 
 
@@ -55,16 +51,12 @@ def test_its_text_says_what_it_holds() -> None:
     [
         ({"points": POINTS[:, :2]}, "positions x, y, z"),
         ({"points": np.full((4, 3), np.nan)}, "finite"),
-        ({"points": np.array([["a", "b", "c"]])}, "numbers"),
         ({"colors": COLORS.astype(float)}, "bytes"),
         ({"colors": COLORS[:2]}, "4 points"),
         ({"seen_from": SEEN_FROM}, "needs viewpoints"),
         ({"viewpoints": VIEWPOINTS, "seen_from": SEEN_FROM + 1}, "1 to 2; there are 2"),
-        ({"viewpoints": VIEWPOINTS, "seen_from": SEEN_FROM - 1}, "-1 to 0"),
         ({"viewpoints": VIEWPOINTS, "seen_from": SEEN_FROM[:2]}, "each of 4 points"),
-        ({"viewpoints": VIEWPOINTS, "seen_from": SEEN_FROM * 1.0}, "whole number"),
         ({"viewpoints": np.empty((0, 3))}, "empty"),
-        ({"viewpoints": VIEWPOINTS + np.inf}, "finite"),
         ({"offset": np.zeros(2)}, "offset"),
     ],
 )

@@ -10,8 +10,6 @@ import pytest
 import reconstruction as rc
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans.cloud_file import load_cloud, make_log_cloud, recenter
-from reconstruction._src.scans.point_rows import as_colors
-from reconstruction._src.scans.preprocess import preprocess_cloud
 from reconstruction._src.scans.scan import ScanLog
 
 POINTS = np.array([[0.0, 0.25, 0.5], [1.0, 2.0, -3.0], [4.0, 5.5, 6.0], [-1.5, 0.125, 2.0], [8.0, 1.0, 0.75]])
@@ -44,14 +42,6 @@ def pcd(
         f"VERSION .7\nFIELDS x y z {name}\nSIZE 4 4 4 4\nTYPE F F F {kind}\nCOUNT 1 1 1 1\nWIDTH {width}\n"
         f"HEIGHT {height}\nVIEWPOINT {viewpoint}\nPOINTS 5\nDATA {data}\n"
     ).encode() + body
-
-
-def pcd_xyz(viewpoint: str, width: int, height: int, points: np.ndarray) -> bytes:
-    head = (
-        f"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {width}\nHEIGHT {height}\nVIEWPOINT {viewpoint}\n"
-        f"POINTS {len(points)}\nDATA binary\n"
-    )
-    return head.encode() + points.astype("<f4").tobytes()
 
 
 def records(kind: str, colors: np.ndarray) -> bytes:
@@ -104,20 +94,6 @@ def test_columns_that_need_not_be_colors_are_none(tmp_path: Path, columns: np.nd
     assert cloud.num_points == 5
 
 
-def test_ranges_of_colors_are_told_apart() -> None:
-    np.testing.assert_array_equal(as_colors(COLORS.astype(float) / 255), COLORS)
-    np.testing.assert_array_equal(as_colors(COLORS.astype(np.uint16)), COLORS)
-    np.testing.assert_array_equal(as_colors(COLORS.astype(np.uint16) * 257), COLORS)
-    for values in (
-        np.zeros((2, 3)),
-        -np.ones((2, 3)),
-        np.full((2, 3), 1e9),
-        np.full((2, 3), np.inf),
-        np.empty((0, 3)),
-    ):
-        assert as_colors(values) is None
-
-
 def make_log() -> ScanLog:
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, 0, 3] = [0.0, 0.5, 0.5]
@@ -133,20 +109,6 @@ def test_a_log_tells_where_each_point_was_seen_from(tmp_path: Path) -> None:
         np.testing.assert_array_equal(cloud.seen_from, [0, 0, 1, 1, 1])
         ranges = np.linalg.norm(cloud.points - cloud.origins, axis=1)
         np.testing.assert_allclose(ranges, log.ranges[log.is_valid])
-
-
-def test_preprocessed_points_keep_their_viewpoint() -> None:
-    tilt = np.linspace(-0.4, 0.4, 60)
-    poses = np.tile(np.eye(4), (60, 1, 1))
-    poses[:, 0, 3] = 0.02 * np.arange(60)
-    angles = np.linspace(-0.6, 0.6, 80)
-    log = ScanLog(2.0 / np.cos(angles)[None] + 0.0 * tilt[:, None], angles, poses)
-    cloud = preprocess_cloud(log)
-    np.testing.assert_array_equal(cloud.points, rc.preprocess(log))
-    assert cloud.origins is not None
-    assert np.linalg.norm(cloud.points - cloud.origins, axis=1).max() < 2.5
-    bare = rc.Cloud(log.points(), viewpoints=np.zeros((1, 3)))
-    np.testing.assert_array_equal(preprocess_cloud(bare).points, rc.preprocess(log.points()))
 
 
 def test_arrays_of_an_npz_go_with_its_points(tmp_path: Path) -> None:
@@ -166,10 +128,9 @@ def make_sweeps() -> np.ndarray:
     """Two sweeps of nine beams, in the frame and unit of 3DTK."""
     angle, distance = np.linspace(0, np.pi, 9), 100.0 + 10 * np.arange(9)
     ahead = distance * np.sin(angle)
-    rows = [
-        np.stack([distance * np.cos(angle), ahead * np.sin(t), ahead * np.cos(t)], 1) for t in (-0.1, 0.2)
-    ]
-    return np.concatenate(rows)
+    return np.concatenate(
+        [np.c_[distance * np.cos(angle), ahead * np.sin(t), ahead * np.cos(t)] for t in (-0.1, 0.2)]
+    )
 
 
 SWEEPS = make_sweeps()
@@ -195,6 +156,14 @@ DEFAULT = "0 0 0 1 0 0 0"
 GRID = np.random.default_rng(0).uniform([-2, -1, 1], [2, 1, 4], (24, 3))
 
 
+def write_grid(folder: Path, viewpoint: str, height: int = 1, shift: float = 0.0) -> Path:
+    head = (
+        f"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {24 // height}\nHEIGHT {height}\n"
+        f"VIEWPOINT {viewpoint}\nPOINTS 24\nDATA binary\n"
+    )
+    return write(folder, "a.pcd", head.encode() + (GRID + shift).astype("<f4").tobytes())
+
+
 @pytest.mark.parametrize(
     ("viewpoint", "height", "shift", "expected"),
     [
@@ -208,19 +177,15 @@ GRID = np.random.default_rng(0).uniform([-2, -1, 1], [2, 1, 4], (24, 3))
 def test_the_viewpoint_of_a_pcd_file_is_believed_where_it_can_be_one(
     tmp_path: Path, viewpoint: str, height: int, shift: float, expected: list[float] | None
 ) -> None:
-    content = pcd_xyz(viewpoint, 24 // height, height, GRID + shift)
-    cloud = load_cloud(write(tmp_path, "a.pcd", content))
+    cloud = load_cloud(write_grid(tmp_path, viewpoint, height, shift))
     np.testing.assert_allclose(cloud.points, GRID + shift, atol=1e-5)  # VIEWPOINT moves no points
-    if expected is None:
-        assert cloud.viewpoints is None
-    else:
-        np.testing.assert_array_equal(cloud.viewpoints, [expected])
+    assert (None if cloud.viewpoints is None else cloud.viewpoints[0].tolist()) == expected
 
 
 @pytest.mark.parametrize("viewpoint", ["0 0 0", "a b c d e f g", "nan 0 0 1 0 0 0"])
 def test_a_broken_viewpoint_is_refused(tmp_path: Path, viewpoint: str) -> None:
     with pytest.raises(ScanError, match=r"a\.pcd: VIEWPOINT"):
-        load_cloud(write(tmp_path, "a.pcd", pcd_xyz(viewpoint, 24, 1, GRID)))
+        load_cloud(write_grid(tmp_path, viewpoint))
 
 
 def test_given_viewpoints_replace_those_of_the_file_and_move_with_the_points(tmp_path: Path) -> None:
@@ -257,25 +222,10 @@ def test_a_size_of_no_scene_is_warned_about(tmp_path: Path, caplog) -> None:
         load_cloud(path, unit="mm")
         assert not caplog.text
         load_cloud(path)
-    assert (
-        "a.xyz: its longest side is 9,500 m, above 1000 m; if that is wrong, give unit= or scale="
-        in caplog.text
-    )
+    assert "a.xyz: its longest side is 9,500 m, above 1000 m; if that is wrong, give unit= or" in caplog.text
 
 
-@pytest.mark.parametrize(
-    ("name", "remedy"),
-    [
-        ("a.mcap", "pointcloud_to_pcd"),
-        ("a.bag", "bag_to_pcd"),
-        ("a.pcap", "VeloView"),
-        ("a.rcp", "ReCap"),
-        ("a.fls", "SCENE"),
-        ("a.ptx", "CloudCompare"),
-        ("a.FBX", "Blender"),
-        ("a.zip", "unpack it"),
-    ],
-)
+@pytest.mark.parametrize(("name", "remedy"), [("a.mcap", "pointcloud_to_pcd"), ("a.FBX", "Blender")])
 def test_files_that_are_not_read_name_the_tool_that_converts_them(
     tmp_path: Path, name: str, remedy: str
 ) -> None:
@@ -296,9 +246,5 @@ def test_files_that_are_not_read_name_the_tool_that_converts_them(
 )
 def test_real_clouds(shared_data: Path, name: str, count: int, viewpoint: list | None, offset: list) -> None:
     cloud = load_cloud(shared_data / name)
-    assert cloud.num_points == count
-    np.testing.assert_array_equal(cloud.offset, offset)
-    if viewpoint is None:
-        assert cloud.viewpoints is None
-    else:
-        np.testing.assert_array_equal(cloud.viewpoints, [viewpoint])
+    assert (cloud.num_points, cloud.offset.tolist()) == (count, offset)
+    assert (None if cloud.viewpoints is None else cloud.viewpoints[0].tolist()) == viewpoint

@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from damage import draw_damaged
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import reconstruction._src.base.extras
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.base.extras import MissingExtraError
-from reconstruction._src.scans.cloud_file import load_cloud
-from reconstruction._src.scans.formats import load_points
+from reconstruction._src.scans.cloud_file import load_cloud, load_points
 
 laspy = pytest.importorskip("laspy", reason="the extra `formats` is not installed")
 from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr  # noqa: E402
@@ -66,7 +64,7 @@ def write(folder: Path, name: str, data: bytes) -> Path:
 
 
 @pytest.mark.parametrize("packed", [False, True])
-@pytest.mark.parametrize(("version", "point_format"), [("1.2", 2), ("1.2", 3), ("1.4", 7)])
+@pytest.mark.parametrize(("version", "point_format"), [("1.2", 2), ("1.4", 7)])
 @pytest.mark.parametrize("factor", [257, 1])  # 16 bits, and the 8 bits that many writers leave
 def test_points_and_colors(
     tmp_path: Path, packed: bool, version: str, point_format: int, factor: int
@@ -82,10 +80,8 @@ def test_points_and_colors(
 
 
 def test_a_file_without_colors(tmp_path: Path) -> None:
-    assert load_cloud(write(tmp_path, "a.las", las(point_format=1))).colors is None
-    assert (
-        load_cloud(write(tmp_path, "b.las", las(point_format=2))).colors is None
-    )  # room for colors, all zero
+    for point_format in (1, 2):  # no room for colors; and room, all zero
+        assert load_cloud(write(tmp_path, "a.las", las(point_format=point_format))).colors is None
 
 
 def test_noise_and_withheld_points_are_dropped_and_counted(tmp_path: Path, caplog) -> None:
@@ -100,7 +96,6 @@ def test_noise_and_withheld_points_are_dropped_and_counted(tmp_path: Path, caplo
 @pytest.mark.parametrize(
     ("record", "factors"),
     [
-        (geo_keys(k1024=1, k3076=9001), [1.0, 1.0]),
         (geo_keys(k1024=1, k3076=9002), [0.3048, 0.3048]),
         (geo_keys(k3076=9003), [1200 / 3937] * 2),
         (geo_keys(k3076=9001, k4099=9002), [1.0, 0.3048]),
@@ -123,13 +118,6 @@ def test_degrees_are_refused_with_the_remedy(tmp_path: Path, record: object) -> 
         load_cloud(write(tmp_path, "a.las", las(vlrs=(record,))))
 
 
-def test_map_coordinates_are_moved(tmp_path: Path) -> None:
-    far = POINTS + np.array([512_700.0, 5_403_700.0, 300.0])
-    cloud = load_cloud(write(tmp_path, "a.laz", las(far, packed=True)))
-    assert np.abs(cloud.points).max() < 10
-    np.testing.assert_allclose(cloud.points + cloud.offset, far, rtol=0, atol=1e-6)
-
-
 def test_a_header_that_promises_too_much_is_refused(tmp_path: Path) -> None:
     for name, packed in (("a.las", False), ("a.laz", True)):
         lying = bytearray(las(packed=packed))
@@ -148,7 +136,6 @@ def test_a_header_that_promises_too_much_is_refused(tmp_path: Path) -> None:
         ("1.2", 100, "<I", 4_000_000_000, "promises records of"),
         ("1.4", 243, "<I", 4_000_000_000, "promises extended records of"),
         ("1.2", None, "<q", 10**12, "outside the file"),
-        ("1.2", None, "<q", 0, "outside the file"),
     ],
 )
 def test_counts_that_cannot_be_true_are_refused_at_once(
@@ -179,27 +166,15 @@ def test_the_limit_counts_24_bytes_a_point(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("packed", [False, True])
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_damaged_files_give_points_or_the_error(tmp_path: Path, packed: bool, data: st.DataObject) -> None:
-    content = bytearray(las(packed=packed, **colored()))
-    for _ in range(data.draw(st.integers(1, 6))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    content = content[: data.draw(st.integers(0, len(content)))]
+    content = draw_damaged(data, las(packed=packed, **colored()))
     try:
-        cloud = load_cloud(write(tmp_path, "a.laz" if packed else "a.las", bytes(content)), max_bytes=1e6)
+        cloud = load_cloud(write(tmp_path, "a.laz" if packed else "a.las", content), max_bytes=1e6)
     except ScanError:
         return
     assert np.isfinite(cloud.points).all()
-
-
-def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
-    path = write(tmp_path, "a.laz", las(packed=True))
-    with pytest.raises(
-        MissingExtraError, match=r"a \.laz file needs the extra 'formats'.*symbrion-gym\[formats\]"
-    ):
-        load_cloud(path)
 
 
 @pytest.mark.data

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-import reconstruction as rc
 from reconstruction._src.base.errors import ScanError
-from reconstruction._src.scans import cells
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.selection import crop, find_crop_box, thin
+from reconstruction._src.scans.selection import crop, find_crop_box, find_sparse_points, thin
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [5.0, 0.0, 0.0], [5.1, 0.0, 0.0]])
 CLOUD = Cloud(
@@ -46,11 +44,25 @@ def test_a_thinned_cloud_has_mean_colors_and_the_most_frequent_viewpoint() -> No
 
 
 def test_arrays_are_treated_as_clouds_are() -> None:
-    np.testing.assert_array_equal(crop(POINTS, BOX), cells.crop(POINTS, BOX))
+    np.testing.assert_array_equal(crop(POINTS, BOX), crop(Cloud(POINTS), BOX).points)
     points = room()
     np.testing.assert_array_equal(thin(points, 0.1), thin(Cloud(points), 0.1).points)
-    assert rc.crop is crop
-    assert rc.thin is thin
+    assert thin(np.empty((0, 3)), 0.1).shape == (0, 3)
+    edges = np.array([[0, 0, 0], [0.5, 0.5, 1.04], [2, 0, 0], [0, -1, 0.0]])
+    np.testing.assert_array_equal(crop(edges, [[0, 0, 0], [1, 1, 1]]), edges[:2])
+    np.testing.assert_array_equal(crop(edges, [[0, 0, 0], [1, 1, 1]], margin=0), edges[:1])
+    for bad in (np.ones(3), np.ones((3, 2)), [["a", "b", "c"]]):
+        with pytest.raises(ScanError, match="points"):
+            thin(bad, 0.1)
+
+
+def test_isolated_points_are_found_and_a_surface_is_not() -> None:
+    rng = np.random.default_rng(0)
+    surface = np.c_[rng.uniform(0, 2, (20000, 2)), np.zeros(20000)]
+    isolated = np.c_[rng.uniform(0, 2, (100, 2)), rng.uniform(0.3, 2, 100)]
+    is_sparse = find_sparse_points(np.concatenate([surface, isolated]))
+    assert is_sparse[:20000].mean() < 0.01
+    assert is_sparse[20000:].mean() > 0.97
 
 
 @pytest.mark.parametrize("box", [BOX[::-1], BOX[:1], np.full((2, 3), np.nan)])
@@ -59,9 +71,9 @@ def test_what_is_no_box_is_refused(box: np.ndarray) -> None:
         crop(CLOUD, box)
 
 
-@pytest.mark.parametrize("voxel", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("voxel", [0.0, -1.0, np.nan, np.inf, 1e-21])
 def test_what_is_no_voxel_is_refused(voxel: float) -> None:
-    with pytest.raises(ScanError, match="voxel must be above 0"):
+    with pytest.raises(ScanError, match=r"voxel must be above 0|too small"):
         thin(CLOUD, voxel)
 
 

@@ -5,8 +5,7 @@ import pytest
 import trimesh
 
 import symbrion_gym as sg
-from reconstruction._src.tiles.folder import claim_folder, name_tile, write_index
-from reconstruction._src.tiles.tile import write_surface
+from reconstruction._src.tiles.folder import claim_folder, name_tile, write_index, write_surface
 from symbrion_gym._src.contact.kinds import HeightField
 
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from reconstruction._src.geometry.pose import to_planar
 from reconstruction._src.scans.leveling import level_floor
 from reconstruction._src.scans.preprocess import preprocess, remove_mixed_pixels
-from reconstruction._src.scans.scan_log_file import load_scan_log
+from reconstruction._src.scans.scan import load_scan_log
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner

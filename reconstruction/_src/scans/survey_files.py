@@ -1,0 +1,266 @@
+"""Files of surveyors' scanners, read by optional libraries: .las and .laz (ASPRS LAS 1.0 to 1.4) by laspy, .e57
+(ASTM E2807) by pye57.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from reconstruction._src.base.bounded_read import BoundedFile, check_size
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.geometry.pose import to_rotation
+from reconstruction._src.scans import point_rows
+from reconstruction._src.scans.frames import RawPoints, as_colors, is_plausible_origin
+
+if TYPE_CHECKING:
+    import laspy
+    import pye57
+
+CHUNK = 1_000_000  # Points unpacked at once: 30 to 70 MB
+_MAGIC = b"LASF"
+_OLD_HEADER_BYTES, _HEADER_BYTES = 227, 375  # Bytes of the header of LAS 1.0 to 1.2, and of LAS 1.4
+_RECORD_BYTES, _EXTENDED_BYTES = 54, 60
+"""Bytes of the header of a variable length record, and of an extended one."""
+_PACKED = 0x80  # Bit of the point format that says that the points are compressed
+_NOISE_CLASSES = (7, 18)  # LAS 1.4, table 17: low point (noise), high noise
+_MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099
+"""Keys of GeoTIFF 1.0: GTModelTypeGeoKey, ProjLinearUnitsGeoKey, VerticalUnitsGeoKey."""
+_DEGREES = 2  # Value of GTModelTypeGeoKey for longitude and latitude
+_GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
+"""Values of the keys of units -> meters: meter, international foot, US survey foot."""
+_WKT_UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\["[^"]*"\s*,\s*([0-9.eE+-]+)')
+
+_POINT_BYTES = 24
+_AXES = {"cartesian": ("X", "Y", "Z"), "spherical": ("Range", "Azimuth", "Elevation")}
+"""Endings of the names of the coordinates in an .e57 file; with InvalidState: 0 where a point can be used."""
+_COLORS = ("colorRed", "colorGreen", "colorBlue")
+_GRID = ("rowIndex", "columnIndex")
+_ROTATION_TOLERANCE = 1e-3  # How far the length of a quaternion may be from 1
+
+
+def read_las(file: BoundedFile) -> RawPoints:
+    """Read x, y, z and colors; points that the file calls noise or withheld are left out.
+
+    The unit is that of the file's coordinate system, where it has one (GeoTIFF keys or WKT).
+    """
+    with open_las(file) as reader:
+        header = reader.header
+        count, size = header.point_count, header.point_format.size
+        points = point_rows.allocate_points(file, count)
+        if not header.are_points_compressed and count * size > file.size:
+            raise ScanError(f"the header promises {count} points of {size} bytes in {file.size} bytes")
+        meters, height_factor = find_las_units(header)
+        colors = np.empty((count, 3), np.uint16) if _has_colors(header) else None
+        num_read = num_kept = 0
+        for num_rows, rows in iterate_las(reader):
+            chosen = slice(num_kept, num_kept + len(rows))
+            num_read, num_kept = num_read + num_rows, chosen.stop
+            points[chosen] = rows[:, :3]
+            if colors is not None:
+                colors[chosen] = rows[:, 3:]
+    if num_read != count:
+        raise ScanError(f"the header promises {count} points, the data hold {num_read}")
+    points[:, 2] *= height_factor
+    return RawPoints(
+        points[:num_kept],
+        None if colors is None else as_colors(colors[:num_kept]),
+        meters=meters,
+        up="z",
+        num_ignored=num_read - num_kept,
+    )
+
+
+@contextmanager
+def open_las(file: BoundedFile) -> Iterator[laspy.LasReader]:
+    """Open a file whose counts can be true."""
+    require_extras(f"a {file.suffix} file", "formats")
+    import laspy
+
+    _check_counts(file)
+    backend = laspy.LazBackend.Lazrs  # one chunk after the other: the parallel one trusts the chunks' sizes
+    with laspy.open(file.stream, closefd=False, laz_backend=backend) as reader:  # type: ignore[arg-type]
+        yield reader
+
+
+def _has_colors(header: laspy.LasHeader) -> bool:
+    return {*point_rows.COLORS} <= set(header.point_format.dimension_names)
+
+
+def iterate_las(reader: laspy.LasReader) -> Iterator[tuple[int, Float[np.ndarray, "N C"]]]:
+    """Yield chunks of a file: how many points it has, and those of them that are neither withheld nor noise.
+
+    Their columns are x, y, z, and red, green, blue where the file has colors, in the numbers of the file.
+    """
+    names = ("x", "y", "z", *(point_rows.COLORS if _has_colors(reader.header) else ()))
+    for chunk in reader.chunk_iterator(CHUNK):
+        is_unusable = np.isin(np.asarray(chunk["classification"]), _NOISE_CLASSES)
+        is_unusable |= np.asarray(chunk["withheld"]).astype(bool)
+        columns = [np.asarray(chunk[name], dtype=np.float64)[~is_unusable] for name in names]
+        yield len(is_unusable), np.stack(columns, axis=1)
+
+
+def _check_counts(file: BoundedFile) -> None:
+    """Refuse counts that cannot be true, before laspy and lazrs take memory and hours for them."""
+    head = file.read_exactly(min(_HEADER_BYTES, file.size))
+    if len(head) < _OLD_HEADER_BYTES or head[:4] != _MAGIC:
+        raise ScanError("no .las file: it does not begin with 'LASF' and a header")
+    points_at, num_records = struct.unpack_from("<II", head, 96)
+    promises = [("records", num_records * _RECORD_BYTES)]
+    if head[25] >= 4 and len(head) == _HEADER_BYTES:
+        promises.append(("extended records", struct.unpack_from("<I", head, 243)[0] * _EXTENDED_BYTES))
+    if head[104] & _PACKED and file.size >= points_at + 8:
+        file.stream.seek(points_at)
+        (table_at,) = struct.unpack("<q", file.read_exactly(8))
+        if table_at == -1:  # written to a stream: the place stands at the end
+            file.stream.seek(file.size - 8)
+            (table_at,) = struct.unpack("<q", file.read_exactly(8))
+        if not 0 < table_at <= file.size - 8:
+            raise ScanError("the table of its chunks lies outside the file")
+        file.stream.seek(table_at + 4)
+        promises.append(("chunks", struct.unpack("<I", file.read_exactly(4))[0]))
+    for name, size in promises:
+        if size > file.size:
+            raise ScanError(f"the header promises {name} of {size} bytes in {file.size} bytes")
+    file.stream.seek(0)
+
+
+def find_las_units(header: laspy.LasHeader) -> tuple[float | None, float]:
+    """Return the meters of a unit of x and y, or None, and how many of them a unit of z has."""
+    keys: dict[int, int] = {}
+    text = ""
+    for record in [*header.vlrs, *(header.evlrs or [])]:
+        keys |= {key.id: key.value_offset for key in getattr(record, "geo_keys", ())}
+        text = getattr(record, "string", "") or text
+    if keys.get(_MODEL_TYPE) == _DEGREES or text.lstrip().startswith(("GEOGCS", "GEOGCRS", "GEODCRS")):
+        raise ScanError(
+            "its coordinates are degrees of longitude and latitude; project them to meters first: "
+            'pdal translate IN OUT reprojection --filters.reprojection.out_srs="EPSG:..."'
+        )
+    horizontal, _, vertical = text.partition("VERT")
+    if text:
+        lengths, heights = _find_last_unit(horizontal), _find_last_unit(vertical)
+    else:
+        lengths, heights = (_GEO_UNITS.get(keys.get(key, 0)) for key in (_LENGTH_UNIT, _HEIGHT_UNIT))
+    return lengths, 1.0 if lengths is None or heights is None else heights / lengths
+
+
+def _find_last_unit(text: str) -> float | None:
+    """Return the last unit of well-known text, which is that of its coordinates: units of its parts come before."""
+    factors = [float(word) for word in _WKT_UNIT.findall(text)]
+    return factors[-1] if factors and 1e-3 <= factors[-1] <= 1e3 else None
+
+
+class _Pose(NamedTuple):
+    """Where the sensor of a scan stood, and whether that is the frame of the file."""
+
+    rotation: Float[np.ndarray, "3 3"]
+    translation: Float[np.ndarray, " 3"]
+    is_identity: bool
+
+
+def read_e57(path: Path, max_bytes: float) -> RawPoints:
+    """Read all scans of a file in their common frame; colors stand only where every scan has them.
+
+    A scan's pose is also the position of its sensor. Files of one merged cloud have no pose or the identity; the
+    origin is then believed only for ordered points around it.
+    """
+    require_extras("an .e57 file", "formats")
+    import pye57
+
+    file = pye57.E57(str(path))
+    try:
+        headers = [file.get_header(index) for index in range(file.scan_count)]
+        check_size(_POINT_BYTES * sum(header.point_count for header in headers), max_bytes)
+        poses = [_find_pose(header) for header in headers]
+        is_alone = sum(pose.is_identity for pose in poses) == 1
+        scans = [_read_scan(file, *pair, is_alone) for pair in zip(headers, poses, strict=True)]
+    finally:
+        file.close()
+    if not scans:
+        raise ScanError("the .e57 file holds no scans; pictures alone make no cloud")
+    num_ignored = sum(scan.num_ignored for scan in scans)
+    scans = [scan for scan in scans if len(scan.points)] or scans[:1]
+    viewpoints = [scan.viewpoints for scan in scans if scan.viewpoints is not None]
+    colors = [scan.colors for scan in scans if scan.colors is not None]
+    counts = [len(scan.points) for scan in scans]
+    return RawPoints(
+        np.concatenate([scan.points for scan in scans]),
+        as_colors(np.concatenate(colors)) if len(colors) == len(scans) else None,
+        np.concatenate(viewpoints) if viewpoints else None,
+        np.repeat(np.arange(len(scans)), counts) if len(viewpoints) == len(scans) else None,
+        meters=1.0,
+        num_ignored=num_ignored,
+    )
+
+
+def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> RawPoints:
+    """Return a scan, turned and moved by its pose, its colors in their own range."""
+    fields = {*header.point_fields}
+    kinds = [kind for kind, ends in _AXES.items() if {kind + end for end in ends} <= fields]
+    if not kinds:
+        raise ScanError(f"the .e57 file has points of {', '.join(sorted(fields)) or 'no fields'}, not x y z")
+    kind = kinds[0]
+    has_colors, has_state = {*_COLORS} <= fields, f"{kind}InvalidState" in fields
+    names = (
+        [kind + end for end in _AXES[kind]] + [*_COLORS] * has_colors + [f"{kind}InvalidState"] * has_state
+    )
+    columns = _read_columns(file, header, names)
+    if kind == "spherical":
+        columns[:3] = to_cartesian(columns[:3])
+    points = columns[:3].T
+    is_trusted = not pose.is_identity or (is_alone and {*_GRID} <= fields and is_plausible_origin(points))
+    is_usable = columns[-1] == 0 if has_state else np.ones(len(points), bool)
+    return RawPoints(
+        points[is_usable] @ pose.rotation.T + pose.translation,
+        columns[3:6].T[is_usable] if has_colors else None,
+        pose.translation[None] if is_trusted else None,
+        num_ignored=int((~is_usable).sum()),
+    )
+
+
+def to_cartesian(polar: Float[np.ndarray, "3 N"]) -> Float[np.ndarray, "3 N"]:
+    """Return range, azimuth and elevation as x, y, z (ASTM E2807, 8.4.4)."""
+    distance, azimuth, elevation = polar
+    level = distance * np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), distance * np.sin(elevation)])
+
+
+def _read_columns(file: pye57.E57, header: Any, names: Sequence[str]) -> Float[np.ndarray, "C N"]:
+    """Return fields of a scan's points, one a row."""
+    from pye57 import libe57  # pyright: ignore[reportAttributeAccessIssue]
+
+    count = header.point_count
+    columns = np.zeros((len(names), max(count, 1)))
+    buffers = libe57.VectorSourceDestBuffer()
+    for name, column in zip(names, columns, strict=True):
+        buffers.append(libe57.SourceDestBuffer(file.image_file, name, column, len(column), True, True))
+    reader = header.points.reader(buffers)
+    num_read = int(reader.read()) if count else 0
+    if num_read != count:
+        raise ScanError(f"the .e57 file promises {count} points, the data hold {num_read}")
+    reader.close()
+    return columns[:, :count]
+
+
+def _find_pose(header: Any) -> _Pose:
+    """Return where the sensor of a scan stood: the identity where the file does not say."""
+    values: dict[str, Shaped[np.ndarray, " C"]] = {}
+    for group, names, default in (("rotation", "wxyz", [1.0, 0, 0, 0]), ("translation", "xyz", [0.0, 0, 0])):
+        is_known = header.has_pose() and header["pose"].isDefined(group)
+        part = [header["pose"][group][name].value() for name in names] if is_known else default
+        values[group] = np.array(part, dtype=np.float64)
+    rotation, translation = values["rotation"], values["translation"]
+    length = np.linalg.norm(rotation)
+    if not np.isfinite(translation).all() or not abs(length - 1) < _ROTATION_TOLERANCE:
+        raise ScanError(f"the .e57 file has a scan of pose {rotation.tolist()}, {translation.tolist()}")
+    matrix = to_rotation(rotation[None] / length)[0]
+    return _Pose(matrix, translation, bool(np.array_equal(matrix, np.eye(3)) and not translation.any()))
