@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import evolution as ev
     import symbrion_gym as sg
     from symbrion_gym._src.robot.organism import Organism
-    from symbrion_gym._src.tasks.drivable_way import Pair
+    from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.tasks.route import StartName
 
 logger = logging.getLogger(__name__)
@@ -34,7 +34,7 @@ def warn_of_way(
         return
     import symbrion_gym as sg
     from evolution._src.backends.trials import prepare_arena
-    from symbrion_gym._src.tasks.drivable_way import find_broken_traverse, propose_way
+    from symbrion_gym._src.tasks.paths import find_broken_traverse, propose_way
 
     arena, goal = prepare_arena(config.arena), config.goal
     assert isinstance(arena, sg.Arena)
@@ -69,8 +69,8 @@ def _find_refused(arena: sg.Arena, modules: int) -> str | None:
 
     Where no way is open each body takes one on the ground that it can drive on, which is the less the wider it is.
     """
-    from symbrion_gym._src.tasks.starts import Start
-    from symbrion_gym._src.tasks.traverse import FarEnd
+    from symbrion_gym._src.tasks.goals import FarEnd
+    from symbrion_gym._src.tasks.route import Start
 
     widest = make_row(1) if modules == 1 else BodyGenome(left=make_row(modules - 1))
     try:

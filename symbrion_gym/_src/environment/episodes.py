@@ -17,9 +17,7 @@ from symbrion_gym._src.environment.commands import Commands
 from symbrion_gym._src.environment.dead_reckoning import DeadReckoning
 from symbrion_gym._src.environment.observation import Observer
 from symbrion_gym._src.environment.world import Physics, World, make_slice
-from symbrion_gym._src.tasks.checked_terms import check_function
-from symbrion_gym._src.tasks.scene import Scene
-from symbrion_gym._src.tasks.state import MEASURES, TaskState, Views
+from symbrion_gym._src.tasks.state import MEASURES, Scene, TaskState, Views, check_function
 from symbrion_gym._src.tasks.task import Task
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 from symbrion_gym._src.tasks.watch import Watch

@@ -132,8 +132,6 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `success_bonus`       | None      | reward of a success                                             |
     | `effort_weight`       | None      | penalty per joule of work of the hinges                         |
     | `criteria`            | None      | a `SuccessCriteria`: limits of the success check                |
-    | `margins`             | None      | a `RouteMargins`: distances from ramp, pit and rim              |
-    | `pit_search`          | None      | a `GapSearch`: how a pit is found on a surface                  |
     | `organism`            | None      | the body in place of `modules`: a number, name, body plan or file |
     | `render_mode`, `width`, `height` | None, 640, 400 | "human", "rgb_array", "depth_array", "rgbd_tuple"   |
 

@@ -35,8 +35,8 @@ class FinalPose:
 
     def record(self, state: TaskState, active: Bool[np.ndarray, " N"]) -> None:
         """Keep the pose, as the physics goes on to the next episode."""
-        position = state.remember("final_position", _find_start_position)
-        rotation = state.remember("final_rotation", _compute_rotation)
+        position = state.remember("final_position", lambda state: state.start_position)
+        rotation = state.remember("final_rotation", lambda state: state.rotation)
         position[active], rotation[active] = state.position[active], state.rotation[active]
 
     def read(self, state: TaskState, row: int) -> dict[str, Any]:
@@ -46,14 +46,6 @@ class FinalPose:
             "final_position": state.memory["final_position"][row].copy(),
             "final_rotation": rotation.copy(),
         }
-
-
-def _find_start_position(state: TaskState) -> np.ndarray:
-    return state.start_position
-
-
-def _compute_rotation(state: TaskState) -> np.ndarray:
-    return state.rotation
 
 
 @dataclass(frozen=True)

@@ -35,10 +35,10 @@ def test_a_way_too_narrow_for_the_widest_body_is_warned_of(stairs, caplog, monke
     def refuse(self, arena, organism, start):
         raise sg.ArenaError(f"no straight way of {organism.num_modules}")
 
-    monkeypatch.setattr("symbrion_gym._src.tasks.drivable_way.find_broken_traverse", lambda *_: None)
+    monkeypatch.setattr("symbrion_gym._src.tasks.paths.find_broken_traverse", lambda *_: None)
     warn(stairs, "traverse")
     assert not caplog.records
-    monkeypatch.setattr("symbrion_gym._src.tasks.traverse.FarEnd.find", refuse)
+    monkeypatch.setattr("symbrion_gym._src.tasks.goals.FarEnd.find", refuse)
     warn(stairs, "traverse")
     (record,) = caplog.records
     assert (

@@ -13,8 +13,8 @@ import symbrion_gym as sg
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.errors import ArenaError, TaskError
-from symbrion_gym._src.tasks.audit_checks import Trajectory
-from symbrion_gym._src.tasks.objects import DockAtObject, ReachObject
+from symbrion_gym._src.tasks.audit import Trajectory
+from symbrion_gym._src.tasks.reach import DockAtObject, ReachObject
 
 FACING = np.diag([-1.0, -1.0, 1.0])
 """The front points along -x, to the start."""

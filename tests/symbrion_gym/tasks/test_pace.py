@@ -5,7 +5,7 @@ import pytest
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.tasks.audit_checks import AuditLimits, Motion, find_bad_pace, find_unsteady_end
+from symbrion_gym._src.tasks.audit import Motion, find_bad_pace, find_unsteady_end
 from symbrion_gym._src.tasks.goals import find_honest, find_honest_along
 from symbrion_gym._src.tasks.state import TaskState, Views
 from symbrion_gym._src.tasks.watch import Watch
@@ -56,7 +56,7 @@ def is_honest(world: World, *paths: np.ndarray) -> np.ndarray:
 def is_clean(path: np.ndarray) -> bool:
     """Return whether the audit finds nothing."""
     rotations = np.broadcast_to(np.eye(3), (*path.shape[:2], 3, 3))
-    return not find_bad_pace(Motion(np.arange(len(path)) * DT, path, rotations), TRACK_SPEED, AuditLimits())
+    return not find_bad_pace(Motion(np.arange(len(path)) * DT, path, rotations), TRACK_SPEED)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_a_module_on_a_rim_stands_on_the_ground_while_its_center_is_over_it(x, f
     tilt = np.array([[np.cos(0.1), 0.0, np.sin(0.1)], [0.0, 1.0, 0.0], [-np.sin(0.1), 0.0, np.cos(0.1)]])
     centers = np.tile([x, 0.0, 0.055], (TICKS, 1, 1))
     motion = Motion(time, centers, np.tile(tilt, (TICKS, 1, 1, 1)))
-    found = find_unsteady_end(motion, height, AuditLimits())
+    found = find_unsteady_end(motion, height)
     assert len(found) == faults
     lifted = motion._replace(centers=centers + np.array([0.0, 0.0, 0.06]))
-    assert find_unsteady_end(lifted, height, AuditLimits())
+    assert find_unsteady_end(lifted, height)

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.tasks.route import SuccessCriteria
-from symbrion_gym._src.tasks.scene import Scene
+from symbrion_gym._src.tasks.state import Scene
 
 _EDGE_TOLERANCE = 1e-5
 """How far outside a triangle (barycentric) a point still counts as inside, in single precision."""
@@ -231,11 +231,6 @@ class DeviceState:
         """Return where something is so and something else as well, which is computed for all or for none."""
         rows = jnp.arange(len(mask))
         return jax.lax.cond(mask.any(), lambda: mask & find(rows), lambda: mask)
-
-    def find_low(self, rows: Int[jax.Array, " M"], height: float) -> Bool[jax.Array, " M"]:
-        """Return True for all: a quick look saves nothing here."""
-        del height
-        return jnp.ones(rows.shape, dtype=bool)
 
     def compute_height(self, rows: Int[jax.Array, " M"]) -> Float[jax.Array, "M n"]:
         """Return the height of the modules above the ground in some simulations [m]; NaN where there is none."""
