@@ -83,10 +83,9 @@ class Episodes:
             DeadReckoning(world, self.commands, self.observer.goal_direction) if is_reckoned else None
         )
         self.scene = world.scene
-        criteria = task.compute_criteria(world.organism)
-        self.state = TaskState(self.scene, task.goal, num, self._dt, criteria, self.action)
+        self.state = TaskState(self.scene, task.goal, num, self._dt, self.action)
         self._watch = Watch(task, self.state)
-        self._largest_squares = _SOUND * criteria.max_rate**2
+        self._largest_squares = _SOUND * self.state.criteria.max_rate**2
         self.number_names, self.flag_names = name_numbers(task), name_flags(task)
         self.info_names = self.number_names + self.flag_names
         self.flags = self._watch.flags

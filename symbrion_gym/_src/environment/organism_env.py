@@ -131,7 +131,6 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `forward_weight`      | None      | reward per meter of progress                                    |
     | `success_bonus`       | None      | reward of a success                                             |
     | `effort_weight`       | None      | penalty per joule of work of the hinges                         |
-    | `criteria`            | None      | a `SuccessCriteria`: limits of the success check                |
     | `organism`            | None      | the body in place of `modules`: a number, name, body plan or file |
     | `render_mode`, `width`, `height` | None, 640, 400 | "human", "rgb_array", "depth_array", "rgbd_tuple"   |
 

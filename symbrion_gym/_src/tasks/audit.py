@@ -129,7 +129,15 @@ def place_tree(
     What is docked to the front of a module is fixed to its arm, which the hinge turns about the module's lateral axis
     and the second joint, if there is one, about its own.
     """
-    arms = _turn_arms(qpos[:, 7:], organism)
+    angles, count, arms = (
+        qpos[:, 7:],
+        len(organism.hinges),
+        {},
+    )  # rotations of the arms, seen from the chassis
+    for index, module in enumerate(organism.hinges):
+        arms[module] = make_rotation(pitch=-angles[:, index])
+        if angles.shape[1] >= 2 * count and organism.scout.dofs == 2:
+            arms[module] = arms[module] @ make_rotation(roll=angles[:, count + index])
     straight, sides = organism.compute_poses(), {}
     for docking in organism.dockings:
         sides[docking.first, docking.second] = docking.first_side
@@ -150,18 +158,6 @@ def place_tree(
         centers[:, module] = centers[:, parent] + frame @ np.array([step.x, step.y, 0.0])
         rotations[:, module] = there
     return centers, rotations
-
-
-def _turn_arms(angles: Float[np.ndarray, "T J"], organism: Organism) -> dict[int, Float[np.ndarray, "T 3 3"]]:
-    """Return the rotation of the arm of each module with a hinge, seen from its chassis."""
-    count = len(organism.hinges)
-    arms = {}
-    for index, module in enumerate(organism.hinges):
-        arm = make_rotation(pitch=-angles[:, index])
-        if angles.shape[1] >= 2 * count > 0 and organism.scout.dofs == 2:
-            arm = arm @ make_rotation(roll=angles[:, count + index])
-        arms[module] = arm
-    return arms
 
 
 def _compute_along(scene: Scene, points: Float[np.ndarray, "... 3"]) -> tuple[np.ndarray, np.ndarray]:
@@ -246,9 +242,9 @@ def _find_bad_goal(motion: Motion, scene: Scene, goal: object) -> list[str]:
     if isinstance(goal, PassFinish):
         return _find_not_across(motion, scene)
     if isinstance(goal, DockAtObject):
-        return _find_not_docked(motion, scene, goal)
+        return _find_object_missed(motion, scene, goal)
     if isinstance(goal, ReachObject):
-        return _find_not_faced(motion, scene, goal) + _find_not_reached(motion, scene, goal)
+        return _find_object_missed(motion, scene, goal) + _find_not_reached(motion, scene, goal)
     if isinstance(goal, ReachPlaces):
         return _find_not_reached(motion, scene, goal)
     if isinstance(goal, SeeGround):
@@ -296,47 +292,30 @@ def _find_unseen(motion: Motion, scene: Scene, goal: SeeGround) -> list[str]:
     return [] if share >= goal.share else [f"only {share:.0%} of the ground was seen"]
 
 
-def _find_not_faced(motion: Motion, scene: Scene, goal: ReachObject) -> list[str]:
-    """Return whether the head does not end near the front of the object, or not turned to it."""
-    head, ahead, face, _ = _find_object_end(motion, scene, goal)
-    away = np.linalg.norm(face - head, axis=1)
-    x = np.array([pose.x for pose in scene.organism.compute_poses()])
-    scout = scene.organism.scout
-    length = float(np.ptp(x)) + scout.dock_reach + scout.arm_reach
-    cosine = ((face - head) * ahead).sum(axis=1) / np.maximum(away, 1e-9)
-    return _find_off(away.max(), length, np.arccos(np.clip(cosine, -1.0, 1.0)).max(), goal)
-
-
-def _find_not_docked(motion: Motion, scene: Scene, goal: DockAtObject) -> list[str]:
-    """Return whether the dock does not end at the front of the object, or not aligned with it."""
-    head, ahead, face, front = _find_object_end(motion, scene, goal)
-    offset = head + scene.organism.scout.arm_reach * ahead - face
-    side = np.array([-front[1], front[0]])
-    off = np.abs(np.stack([offset @ front, offset @ side])).max()
-    tolerance = 0.03 if goal.tolerance is None else goal.tolerance
-    angle = np.arccos(np.clip(-(ahead @ front), -1.0, 1.0)).max()
-    return _find_off(off, tolerance, angle, goal)
-
-
-def _find_off(away: float, most: float, angle: float, goal: ReachObject) -> list[str]:
-    faults, is_dock = [], isinstance(goal, DockAtObject)
-    if away > most + _SLACK:
-        faults.append(f"the {'dock' if is_dock else 'head'} ends {1000 * away:.0f} mm from the object")
-    if angle > goal.max_angle + _SLACK_ANGLE:
-        of_what = "the front of the object" if is_dock else "the object"
-        faults.append(f"the head ends {np.degrees(angle):.0f} degrees off {of_what}")
-    return faults
-
-
-def _find_object_end(
-    motion: Motion, scene: Scene, goal: ReachObject
-) -> tuple[
-    Float[np.ndarray, "L 2"], Float[np.ndarray, "L 2"], Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]
-]:
-    """Return places and directions of the head at the end, and the middle and direction of the object's front."""
-    each = find_object(scene.arena.objects, goal.site)
+def _find_object_missed(motion: Motion, scene: Scene, goal: ReachObject) -> list[str]:
+    """Return whether the head does not end near the front of the object and turned to it; or its dock not at the front
+    and aligned with it."""
+    each, scout = find_object(scene.arena.objects, goal.site), scene.organism.scout
     front = each.rotation[:2, 0] / max(float(np.linalg.norm(each.rotation[:2, 0])), 1e-9)
     face = each.position[:2] + float(np.max(each.mesh.vertices[:, 0])) * front
     ahead = motion.rotations[motion.is_end][:, 0, :2, 0]
     ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
-    return motion.centers[motion.is_end][:, 0, :2], ahead, face, front
+    offset = face - motion.centers[motion.is_end][:, 0, :2]
+    if isinstance(goal, DockAtObject):
+        what, of_what = "dock", "the front of the object"
+        most = 0.03 if goal.tolerance is None else goal.tolerance
+        gap = scout.arm_reach * ahead - offset
+        away = np.abs(np.stack([gap @ front, gap @ np.array([-front[1], front[0]])]))
+        cosine = -(ahead @ front)
+    else:
+        what, of_what = "head", "the object"
+        most = float(np.ptp([pose.x for pose in scene.organism.compute_poses()]))
+        most += scout.dock_reach + scout.arm_reach
+        away = np.linalg.norm(offset, axis=1)
+        cosine = (offset * ahead).sum(axis=1) / np.maximum(away, 1e-9)
+    faults, angle = [], np.arccos(np.clip(cosine, -1.0, 1.0)).max()
+    if away.max() > most + _SLACK:
+        faults.append(f"the {what} ends {1000 * away.max():.0f} mm from the object")
+    if angle > goal.max_angle + _SLACK_ANGLE:
+        faults.append(f"the head ends {np.degrees(angle):.0f} degrees off {of_what}")
+    return faults

@@ -13,7 +13,7 @@ from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.tasks.explore import SeeGround, StandUp
 from symbrion_gym._src.tasks.goals import BeyondGap, FarEnd, OnTop, PassFinish
 from symbrion_gym._src.tasks.reach import DOCK_TOLERANCE, DockAtObject, ReachObject, ReachPlaces
-from symbrion_gym._src.tasks.route import Point, Start, StartName, SuccessCriteria
+from symbrion_gym._src.tasks.route import Point, Start, StartName
 from symbrion_gym._src.tasks.task import Task
 from symbrion_gym._src.tasks.terms import (
     FellOff,
@@ -45,7 +45,6 @@ class UsualTerms:
     success_bonus: float = 1.0  # reward of a success
     effort_weight: float = 0.002  # cost per joule of the hinges' work
     failure_cost: float = 1.0  # cost of a failure, which keeps none of the progress either
-    criteria: SuccessCriteria | None = None  # limits of a success; None for those of the body
 
     def make_task(self, name: str, start: Start, goal: Goal, **others: Termination) -> Task:
         """Return a task with these terms, and other terminations."""
@@ -58,7 +57,6 @@ class UsualTerms:
                 self.forward_weight, self.success_bonus, self.effort_weight, self.failure_cost
             ),
             duration=self.duration,
-            criteria=self.criteria,
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -40,14 +40,14 @@ class Cells(NamedTuple):
         return middle[:, None] + self.disc
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class AreaRoute(Route):
     """A start, and the ground that can be reached from it."""
 
     # middles of the cells of this ground [m]
-    places: Float[np.ndarray, "C 2"] = field(default_factory=lambda: np.zeros((1, 2)))
-    edge: float = 0.05  # edge of a cell [m]
-    sight: float = 0.4  # how far a module sees [m]
+    places: Float[np.ndarray, "C 2"]
+    edge: float  # edge of a cell [m]
+    sight: float  # how far a module sees [m]
 
     @property
     def area(self) -> float:
@@ -121,15 +121,10 @@ class SeeGround:
             state.write("explore_area", rows, xp.count_nonzero(seen, axis=1) * route.edge**2, looks)
         return state.remember("explore_area", 0.0).copy()
 
-    def distance_to_goal(self, state: TaskState) -> Float[Any, " N"]:
-        """Return the area that is still to be seen [m²]."""
-        return state.xp.maximum(self._find_least(state) - state.progress, 0.0)
-
     def _find_least(self, state: TaskState) -> Float[np.ndarray, " N"]:
         return self.share * np.array([_read_area(scene).area for scene in state.scenes])
 
     def limits(self, state: TaskState) -> dict[str, np.ndarray]:
-        """Return the limits within which no body has arrived."""
         return {"progress": self._find_least(state)}
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
@@ -150,12 +145,7 @@ class StandUp:
         """Return the mean z of the modules' up axes, from -1 to 1."""
         return add_up(state.up) * (1.0 / state.up.shape[1])
 
-    def distance_to_goal(self, state: TaskState) -> Float[Any, " N"]:
-        """Return by how much the modules lean, from 0 to 2."""
-        return 1.0 - state.progress
-
     def limits(self, state: TaskState) -> dict[str, float]:
-        """Return the limits within which no body stands."""
         return {"progress": state.criteria.upright}
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:

@@ -88,7 +88,6 @@ class PassFinish:
         return state.mean_to_finish
 
     def limits(self, state: TaskState) -> dict[str, np.ndarray]:
-        """Return the limits within which no body has arrived."""
         return {"rear": state.finish}
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:

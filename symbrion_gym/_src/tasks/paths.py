@@ -37,7 +37,7 @@ MAX_CORNERS = 64  # Most corners of a path
 _CORNER = 0.05  # A path is simplified by no more than this [m]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PathRoute(Route):
     """A route with corners, for the middle of a body."""
 

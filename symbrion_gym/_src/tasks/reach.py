@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -78,25 +78,22 @@ class ReachPlaces:
         return np.array(route.corners), np.array([tolerance if exact else loose for exact in route.is_place])
 
     def _recall(self, state: TaskState) -> tuple[Any, Any, Any, Any]:
-        """Return corners `[N, C, 2]`, the way from each to the end [m] `[N, C]`, how near they are passed [m], and the
+        """Return corners `[N, C, 2]`, how near they are passed [m] `[N, C]`, the way from each to the end [m], and the
         number of the one that each body heads for."""
-        return (
-            state.remember("reach_corners", lambda state: self._list_corners(state)[0]),
-            state.remember("reach_rest", lambda state: _measure_rest(self._list_corners(state)[0])),
-            state.remember("reach_radius", lambda state: self._list_corners(state)[1]),
-            state.remember("reach_number", 0),
-        )
+        path = state.remember("reach_path", self._list_paths)
+        return path[:, :, :2], path[:, :, 2], path[:, :, 3], state.remember("reach_number", 0)
 
-    def _list_corners(self, state: TaskState) -> tuple[Float[np.ndarray, "N C 2"], Float[np.ndarray, "N C"]]:
-        """Return the corners of each path and how near they are passed; the last is repeated to `MAX_CORNERS`, so that
-        simulations with others fit into one array."""
-        length = state.organism.scout.size[0]
-        ways = [self.list_places(scene.route, length) for scene in state.scenes]
-        numbers = [np.minimum(np.arange(MAX_CORNERS), len(corners) - 1) for corners, _ in ways]
-        return (
-            np.array([corners[each] for (corners, _), each in zip(ways, numbers, strict=True)]),
-            np.array([radii[each] for (_, radii), each in zip(ways, numbers, strict=True)]),
-        )
+    def _list_paths(self, state: TaskState) -> Float[np.ndarray, "N C 4"]:
+        """Return the paths, the last corner repeated to `MAX_CORNERS`, so that those of all simulations fit into one
+        array."""
+        paths, length = np.zeros((state.num, MAX_CORNERS, 4)), state.organism.scout.size[0]
+        for path, scene in zip(paths, state.scenes, strict=True):
+            corners, radii = self.list_places(scene.route, length)
+            number = np.minimum(np.arange(MAX_CORNERS), len(corners) - 1)
+            path[:, :2], path[:, 2] = corners[number], radii[number]
+            legs = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
+            path[:-1, 3] = np.cumsum(legs[::-1])[::-1]
+        return paths
 
     def find_target(self, state: TaskState) -> Float[Any, "N 2"]:
         """Return (x, y) of the corner or place that each body heads for [m]."""
@@ -106,7 +103,7 @@ class ReachPlaces:
     def progress(self, state: TaskState) -> Float[Any, " N"]:
         """Return the way from the middle of each body along the path to its end, below 0 [m]; corners that were passed
         count."""
-        corners, rest, radius, number = self._recall(state)
+        corners, radius, rest, number = self._recall(state)
         rows = np.arange(state.num)
         gap = state.xp.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
         passes = (gap <= radius[rows, number]) & (rest[rows, number] > 0.0)
@@ -116,12 +113,7 @@ class ReachPlaces:
             gap = state.xp.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
         return -(gap + rest[rows, number])
 
-    def distance_to_goal(self, state: TaskState) -> Float[Any, " N"]:
-        """Return the way that is left [m]."""
-        return -state.progress
-
     def limits(self, state: TaskState) -> dict[str, float]:
-        """Return the limits within which no body has arrived."""
         return {"progress": -self.find_tolerance(state.organism)}
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
@@ -137,13 +129,6 @@ class ReachPlaces:
         return state.confirm(has_arrived, is_about)
 
 
-def _measure_rest(corners: Float[np.ndarray, "N C 2"]) -> Float[np.ndarray, "N C"]:
-    legs = np.linalg.norm(np.diff(corners, axis=1), axis=2)
-    rest = np.zeros(corners.shape[:2])
-    rest[:, :-1] = np.cumsum(legs[:, ::-1], axis=1)[:, ::-1]
-    return rest
-
-
 def _compute_size(organism: Organism) -> float:
     """Return the distance of the farthest module from the middle of the body when it lies straight [m]."""
     places = np.array([(pose.x, pose.y) for pose in organism.compute_poses()])
@@ -155,12 +140,12 @@ _NEAREST = 0.03  # The first of them leaves this much room between object and fr
 DOCK_TOLERANCE = 0.03  # Distance of a dock from the middle of an object's front, unless it is given [m]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ObjectRoute(PathRoute):
     """A path to the front of an object."""
 
-    face: tuple[float, float] = (0.0, 0.0)  # (x, y) of the middle of its front [m]
-    front: tuple[float, float] = (1.0, 0.0)  # (x, y) of the direction in which the front points, of length 1
+    face: tuple[float, float]  # (x, y) of the middle of its front [m]
+    front: tuple[float, float]  # (x, y) of the direction in which the front points, of length 1
 
 
 @dataclass(frozen=True)
@@ -193,8 +178,7 @@ class ReachObject(ReachPlaces):
             except ArenaError as problem:
                 error = error or problem
                 continue
-            given = {field.name: getattr(path, field.name) for field in fields(path)}
-            return ObjectRoute(**given, face=_as_pair(face), front=_as_pair(each.front))
+            return ObjectRoute(**vars(path), face=_as_pair(face), front=_as_pair(each.front))
         raise ArenaError(f"no way to the front of {self.site!r}: {error}")
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
@@ -227,17 +211,14 @@ class DockAtObject(ReachObject):
         last = np.array(route.face) + np.array(route.front) * _compute_ahead(organism)
         if len(route.corners) >= MAX_CORNERS:
             raise ArenaError(f"the path to {self.site!r} has too many corners; give a start that is nearer")
-        given = {field.name: getattr(route, field.name) for field in fields(route)}
-        given["corners"] = (*route.corners, _as_pair(last))
-        given["is_place"] = (*route.is_place[:-1], False, True)
-        return ObjectRoute(**given)
+        is_place = (*route.is_place[:-1], False, True)
+        return replace(route, corners=(*route.corners, _as_pair(last)), is_place=is_place)
 
     def find_tolerance(self, organism: Organism) -> float:
         """Return the tolerance of the dock [m]."""
         return DOCK_TOLERANCE if self.tolerance is None else self.tolerance
 
     def limits(self, state: TaskState) -> dict[str, float]:
-        """Return the limits within which no body has docked: its middle is within its size of the end of the path."""
         size = 2 * _compute_size(state.organism) + state.organism.scout.arm_reach
         return {"progress": -(self.find_tolerance(state.organism) + size)}
 
@@ -272,14 +253,10 @@ def _compute_ahead(organism: Organism) -> float:
 
 def _find_fronts(state: TaskState) -> tuple[Float[Any, "N 2"], Float[Any, "N 2"]]:
     """Return the middle of the front [m] and its direction, of the object of each simulation."""
-    return (
-        state.remember("object_face", lambda state: np.array([_read(scene).face for scene in state.scenes])),
-        state.remember(
-            "object_front", lambda state: np.array([_read(scene).front for scene in state.scenes])
-        ),
-    )
+    fronts = state.remember("object_front", _list_fronts)
+    return fronts[:, 0], fronts[:, 1]
 
 
-def _read(scene: Any) -> ObjectRoute:
-    assert isinstance(scene.route, ObjectRoute)
-    return scene.route
+def _list_fronts(state: TaskState) -> Float[np.ndarray, "N 2 2"]:
+    routes: list[Any] = [scene.route for scene in state.scenes]
+    return np.array([(route.face, route.front) for route in routes])

@@ -9,14 +9,14 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from reconstruction._src.base.range_checks import check_not_negative, check_positive, format_extents
+from reconstruction._src.base.range_checks import format_extents
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import StairsCourse
-from symbrion_gym._src.errors import ArenaError, OptionError, TaskError
+from symbrion_gym._src.errors import ArenaError, TaskError
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.tasks.features.gap import find_gap
-from symbrion_gym._src.tasks.features.way import LIES_UNDER, Way, place_along
+from symbrion_gym._src.tasks.features.way import LIES_UNDER, Line, Way
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import Footprint
 from symbrion_gym._src.traversability.routes import (
@@ -29,7 +29,6 @@ from symbrion_gym._src.traversability.routes import (
 Point = Sequence[float] | np.ndarray  # (x, y) in the world, or (x, y, z) where there are several storeys [m]
 StartName = Literal["floor", "pit"]
 START_NAMES = ("floor", "pit")
-_EDGE = ScoutConfig.size[2]  # Height of the module to which the default criteria belong [m]
 
 
 @dataclass(frozen=True)
@@ -68,13 +67,11 @@ class Start:
         return {} if self.roll is None else {"roll": self.roll}
 
 
-@dataclass(frozen=True)
-class Route:
-    """A straight way through an arena; s is measured along it, from the origin of the world."""
+@dataclass(frozen=True, kw_only=True)
+class Route(Line):
+    """A straight way through an arena."""
 
-    heading: float  # direction of the way, as rotation about z [rad]
     start: float  # s of the center of the head at the start [m]
-    lateral: float  # offset of the way to the left of the origin [m]
     finish: float  # s that the center of every module must pass [m]
     half_width: float  # distance to the side of the way beyond which a module has fallen off [m]
     lowest: float  # height below which a module has fallen off [m]
@@ -84,29 +81,15 @@ class Route:
     # ground is the highest surface everywhere
     start_height: float | None = None
 
-    @property
-    def direction(self) -> tuple[float, float]:
-        """Unit vector (x, y)."""
-        return float(np.cos(self.heading)), float(np.sin(self.heading))
-
-    def place(self, s: np.ndarray | float, left: np.ndarray | float = 0.0) -> tuple[Any, Any]:
-        """Return x and y in the world [m] of positions along the way and to its left [m]."""
-        return place_along(self.heading, self.lateral, s, left)
-
 
 @dataclass(frozen=True)
 class SuccessCriteria:
     """Limits of a success, and of what ends an episode.
 
-    Wider limits admit what a person would not call a crossing; `symbrion_gym._src.tasks.audit` finds such cases.
-
-    Raises:
-        OptionError: a number is out of range.
+    Wider limits would admit what a person would not call a crossing; `symbrion_gym._src.tasks.audit` finds such cases.
     """
 
-    # time for which the organism must stay where it should be [s]: one that flies past or tips back does not
-    # count
-    hold_time: float = 0.3
+    hold_time: float = 0.3  # time to stay at the goal [s]: one that flies past or tips back does not count
     upright: float = 0.5  # smallest z component of the up axis of an upright module: leaning by 60 degrees
     # below this z component of its up axis a module has rolled over; below 0, so that one on its side on the
     # way may still right itself
@@ -122,25 +105,14 @@ class SuccessCriteria:
     # half the edge of the cube in a module that must be beyond the far edge however it is turned [m]
     corner: float = 0.05
     touch_band: float = 0.01  # a module this close to the floor of the pit touches it [m]
-    # a coordinate faster than this [m/s or rad/s] means that the simulation has diverged; nothing in an arena
-    # is
-    max_rate: float = 50.0
-
-    def __post_init__(self) -> None:
-        lengths = "hold_time", "speed_slack", "fall_lead", "corner", "touch_band"
-        check_not_negative(self, lengths, OptionError)
-        check_positive(self, ("max_rate",), OptionError)
-        for name in ("upright", "rolled_over"):
-            if not -1.0 <= getattr(self, name) <= 1.0:
-                raise OptionError(f"SuccessCriteria: {name} must lie in [-1, 1], got {getattr(self, name)!r}")
-        low, high = self.ground_band
-        if not low < high:
-            raise OptionError(f"SuccessCriteria: ground_band must be (low, high), got {self.ground_band!r}")
+    max_rate: float = (
+        50.0  # a coordinate faster than this [m/s or rad/s] has diverged; nothing in an arena is
+    )
 
     @classmethod
     def of(cls, scout: ScoutConfig) -> SuccessCriteria:
         """Return the limits for modules of another size: lengths grow with the height of a module."""
-        scale = scout.size[2] / _EDGE
+        scale = scout.size[2] / ScoutConfig.size[2]
         low, high = cls.ground_band
         return cls(
             ground_band=(low * scale, high * scale),
@@ -223,18 +195,26 @@ def find_route(
 
 def _follow_course(arena: Arena, organism: Organism, start: str) -> Route:
     """Return the way along the sizes of an exact arena."""
-    course, scout, lowest = arena.course, organism.scout, find_lowest(arena)
+    course, scout, pit = arena.course, organism.scout, None
     assert course is not None
     if isinstance(course, StairsCourse):
         if start == "pit":
             raise ArenaError("stairs have no pit to start before; use start='floor'")
-        begin, top = -_BEFORE_FOOT - scout.arm_reach, (course.steps - 1) * course.run
-        return Route(0.0, begin, 0.0, top + scout.pitch / 2, course.width / 2, lowest)
-    near, far = course.pit_edges
-    begin = near - _BEFORE_PIT if start == "pit" else course.start[0] - _BEFORE_FOOT
-    finish = (far if course.pit > 0.0 else course.goal[0]) + scout.pitch / 2
-    pit = near, far, float(arena.surface.bounds[0][2])
-    return Route(0.0, begin - scout.arm_reach, 0.0, finish, course.width / 2, lowest, pit)
+        begin, end = -_BEFORE_FOOT, (course.steps - 1) * course.run
+    else:
+        near, far = course.pit_edges
+        begin = near - _BEFORE_PIT if start == "pit" else course.start[0] - _BEFORE_FOOT
+        end = far if course.pit > 0.0 else course.goal[0]
+        pit = near, far, float(arena.surface.bounds[0][2])
+    return Route(
+        heading=0.0,
+        lateral=0.0,
+        start=begin - scout.arm_reach,
+        finish=end + scout.pitch / 2,
+        half_width=course.width / 2,
+        lowest=find_lowest(arena),
+        pit=pit,
+    )
 
 
 def make_route(
@@ -263,9 +243,14 @@ def make_route(
                 f"the start ({x:.2f}, {y:.2f}) lies beyond the finish in arena {arena.name!r}, which is "
                 f"{begin - finish:.2f} m behind it; the way leads to ({c:.2f}, {n:.2f})"
             )
-    half_width = way.half_width + abs(lateral - way.lateral)
     route = Route(
-        way.heading, float(begin), float(lateral), float(finish), half_width, find_lowest(arena), pit
+        heading=way.heading,
+        lateral=float(lateral),
+        start=float(begin),
+        finish=float(finish),
+        half_width=way.half_width + abs(lateral - way.lateral),
+        lowest=find_lowest(arena),
+        pit=pit,
     )
     x, y = route.place(route.start)
     if not np.isfinite(arena.height(x, y)):

@@ -165,11 +165,11 @@ class TaskState(HostArrays):
         goal: Any,
         num: int,
         dt: float,
-        criteria: SuccessCriteria,
         action: Float[np.ndarray, "N A"],
     ) -> None:
         count = scene.organism.num_modules
-        self.num, self.dt, self.criteria, self.action, self._goal = num, dt, criteria, action, goal
+        self.num, self.dt, self.action, self._goal = num, dt, action, goal
+        self.criteria = SuccessCriteria.of(scene.organism.scout)
         self._compute_progress = check_function(f"progress of {type(goal).__name__}", goal.progress)
         self._is_straight = getattr(goal, "is_straight", False)
         self.scenes: list[Scene] = [scene] * num
@@ -338,12 +338,6 @@ class TaskState(HostArrays):
         return self._cache["middle"]
 
     @property
-    def goal_distance(self) -> Float[np.ndarray, " N"]:
-        """Way that is left to the goal [m]."""
-        distance = getattr(self._goal, "distance_to_goal", None)
-        return np.maximum(self.finish - self.rear, 0.0) if distance is None else distance(self)
-
-    @property
     def target(self) -> Float[np.ndarray, "N 2"]:
         """Place (x, y) that each body should head for [m]: the goal's own, or the finish in the middle of the way."""
         find = getattr(self._goal, "find_target", None)
@@ -353,19 +347,9 @@ class TaskState(HostArrays):
         return np.column_stack([c * self.finish - s * lateral, s * self.finish + c * lateral])
 
     @property
-    def arena(self) -> Arena:
-        """Arena of the first simulation; `scenes` has all."""
-        return self.scenes[0].arena
-
-    @property
     def organism(self) -> Organism:
         """Organism of all simulations."""
         return self.scenes[0].organism
-
-    @property
-    def route(self) -> Route:
-        """Way of the first simulation; `scenes` has all."""
-        return self.scenes[0].route
 
     def compute_mean_along(self) -> Float[np.ndarray, " N"]:
         """Return the mean position of the modules along the way [m]."""

@@ -12,7 +12,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.tasks.goals import PassFinish
-from symbrion_gym._src.tasks.route import Route, Start, SuccessCriteria
+from symbrion_gym._src.tasks.route import Route, Start
 from symbrion_gym._src.tasks.storage import describe, restore
 from symbrion_gym._src.tasks.terms import Goal, Reward, Termination, make_rewards, make_terminations
 
@@ -24,11 +24,10 @@ class Task:
     Attributes:
         name: what it is called.
         start: where and how a body starts.
-        goal: what arriving means; held for `criteria.hold_time`, it is the success.
+        goal: what arriving means; held for 0.3 s, it is the success.
         terminations: what else ends an episode.
         rewards: terms of the reward, in the order in which they are added.
         duration: an episode is truncated after this [s].
-        criteria: limits of standing, rolling over and so on; None for those of the body's Scouts.
 
     Raises:
         TaskError: two terms have one name, the goal is no goal, or the duration is not above 0.
@@ -40,7 +39,6 @@ class Task:
     terminations: tuple[Termination, ...] = field(default_factory=make_terminations)
     rewards: tuple[Reward, ...] = field(default_factory=make_rewards)
     duration: float = 90.0
-    criteria: SuccessCriteria | None = None
 
     def __post_init__(self) -> None:
         for what, kind in (("terminations", Termination), ("rewards", Reward)):
@@ -72,10 +70,6 @@ class Task:
             TaskError: a term cannot be restored, as a lambda or a function inside another.
         """
         return describe(self)
-
-    def compute_criteria(self, organism: Organism) -> SuccessCriteria:
-        """Return the limits that hold for a body."""
-        return self.criteria or SuccessCriteria.of(organism.scout)
 
     def find_route(self, arena: Arena, organism: Organism) -> Route:
         """Return the way from start to goal in an arena.

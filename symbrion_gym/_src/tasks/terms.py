@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.route import Route, Start
     from symbrion_gym._src.tasks.state import TaskState
 
-Condition: TypeAlias = "Callable[[TaskState], Bool[np.ndarray, ' N']]"
-"""From the state of N simulations to whether something is so in each."""
-Measure: TypeAlias = "Callable[[TaskState], Float[np.ndarray, ' N']]"
-"""From the state of N simulations to a number of each."""
 Limits = dict[str, "float | Float[np.ndarray, ' N']"]
 BASE_FLAGS = ("success", "diverged")  # Flags of `info` that every task has
 
@@ -30,8 +26,8 @@ BASE_FLAGS = ("success", "diverged")  # Flags of `info` that every task has
 class Goal(Protocol):
     """What arriving means.
 
-    A goal may also have `limits(state)`, as `Termination` explains; `distance_to_goal(state) -> [N]`, the way that is
-    left; and `find_target(state) -> [N, 2]`, the place (x, y) to head for.
+    A goal may also have `limits(state)`, as `Termination` explains, and `find_target(state) -> [N, 2]`, the place
+    (x, y) to head for.
     """
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
@@ -67,7 +63,7 @@ class Termination:
     """
 
     name: str
-    function: Condition
+    function: Callable[[TaskState], Bool[np.ndarray, " N"]]
     is_failure: bool = True
     truncates: bool = False
 
@@ -95,7 +91,7 @@ class Reward:
     """
 
     name: str
-    function: Measure
+    function: Callable[[TaskState], Float[np.ndarray, " N"]]
     weight: float = 1.0
     per_second: bool = False
     at_end: bool = False
@@ -124,7 +120,6 @@ class RolledOver:
     """Detect that a module has rolled over: leans by more than the task's criteria allow."""
 
     def limits(self, state: TaskState) -> Limits:
-        """Return the limits within which nothing has happened."""
         return {"least_up": state.criteria.rolled_over}
 
     def __call__(self, state: TaskState) -> Bool[Any, " N"]:
@@ -137,7 +132,6 @@ class FellOff:
     """Detect that a module is off the side of the way, or below the arena."""
 
     def limits(self, state: TaskState) -> Limits:
-        """Return the limits within which nothing has happened."""
         return {"least_left": -state.half_width, "least_right": -state.half_width, "lowest": state.deepest}
 
     def __call__(self, state: TaskState) -> Bool[Any, " N"]:
@@ -153,7 +147,6 @@ class TouchedPit:
     is_bottomless: bool = True  # without it, nothing is detected
 
     def limits(self, state: TaskState) -> Limits:
-        """Return the limits within which nothing has happened."""
         reach = _LARGEST_REACH * _find_half(state)
         return {"lowest": _find_pits(state)[2] + reach if self.is_bottomless else -np.inf}
 
@@ -210,7 +203,6 @@ class Stuck:
         return round(self.after / state.dt) - 0.5
 
     def limits(self, state: TaskState) -> Limits:
-        """Return the limits within which nothing has happened and nothing is to be remembered."""
         progress, tick = self._recall(state)
         return {"progress": progress, "tick": tick}
 

@@ -39,8 +39,7 @@ def is_honest(world: World, *paths: np.ndarray) -> np.ndarray:
     """Return which bodies the success check finds honest at the end of their paths."""
     position, count = np.array([path[0] for path in paths]), len(paths)
     rotation = np.repeat(UPRIGHT[None], count, axis=0)
-    criteria = world.task.compute_criteria(world.organism)
-    state = TaskState(world.scene, world.task.goal, count, DT, criteria, np.zeros((count, COUNT - 1)))
+    state = TaskState(world.scene, world.task.goal, count, DT, np.zeros((count, COUNT - 1)))
     state.bind(Views(position, rotation, np.zeros((count, 8)), *np.zeros((2, count, COUNT - 1))))
     watch = Watch(world.task, state)
     state.begin(range(count), [world.scene] * count, [TRACK_SPEED] * count)
@@ -100,8 +99,7 @@ def test_a_lead_is_noted_of_the_body_that_has_it(world):
 
 
 def test_a_new_episode_forgets_it(world):
-    criteria = world.task.compute_criteria(world.organism)
-    state = TaskState(world.scene, world.task.goal, 1, DT, criteria, np.zeros((1, COUNT - 1)))
+    state = TaskState(world.scene, world.task.goal, 1, DT, np.zeros((1, COUNT - 1)))
     position = make_path(0.0)[:1]
     state.bind(Views(position, UPRIGHT[None], np.zeros((1, 8)), *np.zeros((2, 1, COUNT - 1))))
     state.begin([0], [world.scene], [TRACK_SPEED])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -32,8 +31,7 @@ _STRAIGHT = float(np.tan(np.deg2rad(1.0)))  # A way whose edges are skewed by le
 _SPREAD = 0.02  # Edges whose lanes scatter by this [m] halve the confidence
 
 
-@dataclass(frozen=True)
-class Gap:
+class Gap(NamedTuple):
     """A gap, with the way across it; s along that way [m]."""
 
     way: Way  # the way, perpendicular to the edges unless its direction was given
@@ -152,8 +150,7 @@ _ROUGHNESS = 0.006  # Largest standard deviation of a ramp's ground from an even
 _WINDOW = 0.1  # The slope is that over such a stretch [m]; short ones take the noise of a scan for slopes
 
 
-@dataclass(frozen=True)
-class Ramp:
+class Ramp(NamedTuple):
     """A ramp; s along the way [m]."""
 
     way: Way  # the way over it

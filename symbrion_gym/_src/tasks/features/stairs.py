@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +30,7 @@ _NEAR = 0.08
 """A lane shows a step where it jumps this close to that of the profile [m], and more where the step is skewed."""
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """A step that leads up; s along the way [m]."""
 
     way: Way  # the way over it
@@ -46,8 +45,7 @@ class Step:
         return self.high - self.low
 
 
-@dataclass(frozen=True)
-class Stairs:
+class Stairs(NamedTuple):
     """Steps that follow each other."""
 
     way: Way  # the way over them

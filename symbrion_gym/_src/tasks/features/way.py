@@ -33,33 +33,39 @@ _SAME_HEADING = float(np.deg2rad(0.5))
 """A way this close to an axis of the world runs along it [rad]: the sides of a scan are not more exact."""
 
 
-@dataclass(frozen=True)
-class Way:
-    """A straight way; s is measured along it, from the foot of the perpendicular from the world's origin."""
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """A straight line in plan; s is measured along it, from the foot of the perpendicular from the world's origin."""
 
     heading: float  # direction, as rotation about z [rad]
-    lateral: float  # offset of its middle to the left of the origin [m]
-    half_width: float  # half of the width on which its ground continues to both sides [m]
-    begin: float  # s where the surface begins [m]
-    end: float  # s where it ends [m]
+    lateral: float  # offset to the left of the origin [m]
 
     @property
     def direction(self) -> tuple[float, float]:
         """Unit vector (x, y)."""
         return float(np.cos(self.heading)), float(np.sin(self.heading))
 
+    def place(self, s: np.ndarray | float, left: np.ndarray | float = 0.0) -> tuple[Any, Any]:
+        """Return x and y in the world [m] of positions along the line and to its left [m]."""
+        (c, n), across = self.direction, self.lateral + left
+        return c * s - n * across, n * s + c * across
+
+
+@dataclass(frozen=True, kw_only=True)
+class Way(Line):
+    """The middle of a straight way across a surface."""
+
+    half_width: float  # half of the width on which its ground continues to both sides [m]
+    begin: float  # s where the surface begins [m]
+    end: float  # s where it ends [m]
+
     @property
     def width(self) -> float:
         """Width of the drivable ground [m]."""
         return 2 * self.half_width
 
-    def place(self, s: np.ndarray | float, left: np.ndarray | float = 0.0) -> tuple[Any, Any]:
-        """Return x and y in the world [m] of positions along the way and to its left [m]."""
-        return place_along(self.heading, self.lateral, s, left)
 
-
-@dataclass(frozen=True)
-class Profile:
+class Profile(NamedTuple):
     """Heights along and across a way."""
 
     arena: Arena  # the arena
@@ -74,15 +80,6 @@ class Profile:
     def lanes(self) -> Int[np.ndarray, " W"]:
         """The numbers of the lanes within the width of the way."""
         return np.flatnonzero(np.abs(self.left) <= self.way.half_width + 1e-9)
-
-
-def place_along(
-    heading: float, lateral: float, s: np.ndarray | float, left: np.ndarray | float = 0.0
-) -> tuple[Any, Any]:
-    """Return x and y in the world of positions along a straight way and to its left [m]."""
-    c, n = float(np.cos(heading)), float(np.sin(heading))
-    across = lateral + left
-    return c * s - n * across, n * s + c * across
 
 
 def read_profile(
@@ -104,7 +101,8 @@ def read_profile(
     s = np.arange(low[0], high[0] + step / 2, step)
     reach = int(max(high[1] - lateral, lateral - low[1]) / lane)
     left = lane * np.arange(-reach, reach + 1)
-    x, y = place_along(heading, lateral, s[:, None], left)
+    line = Line(heading=heading, lateral=lateral)
+    x, y = line.place(s[:, None], left)
     heights = arena.height(x, y)
     is_middle = np.abs(left) <= _MIDDLE
     profile = _read_middle(heights[:, is_middle], arena.name)
@@ -114,14 +112,13 @@ def read_profile(
     half_width = float(left[reach + max(min(_count_first(side) for side in sides), 1) - 1])
     # How much farther than the last lane the ground goes on to both sides.
     more = np.arange(1, max(2, round(lane / STEP))) * STEP
-    beyond = place_along(
-        heading, lateral, s[:, None], np.concatenate([-half_width - more, half_width + more])
-    )
+    beyond = line.place(s[:, None], np.concatenate([-half_width - more, half_width + more]))
     right, left_too = _find_same(arena.height(*beyond), profile).reshape(2, -1)
     half_width += float(np.append(0.0, more)[_count_first(right & left_too)])
-    return Profile(
-        arena, Way(heading, lateral, half_width, float(low[0]), float(high[0])), s, left, heights, profile
+    way = Way(
+        heading=heading, lateral=lateral, half_width=half_width, begin=float(low[0]), end=float(high[0])
     )
+    return Profile(arena, way, s, left, heights, profile)
 
 
 def _find_axis(points: Float[np.ndarray, "V 2"], name: str) -> tuple[float, Float[np.ndarray, " 2"]]:

@@ -258,12 +258,6 @@ class DeviceState:
         return self.position.mean(axis=1)
 
     @property
-    def goal_distance(self) -> Float[jax.Array, " N"]:
-        """Way that is left to the goal [m]."""
-        distance = getattr(self._course.goal, "distance_to_goal", None)
-        return jnp.maximum(self.finish - self.rear, 0.0) if distance is None else distance(self)
-
-    @property
     def target(self) -> Float[Any, "N 2"]:
         """Place (x, y) that each body should head for [m]."""
         find = getattr(self._course.goal, "find_target", None)
@@ -275,16 +269,6 @@ class DeviceState:
         return np.tile(np.asarray(place, dtype=np.float32), (self.num, 1))
 
     @property
-    def arena(self) -> Any:
-        """Arena of all simulations."""
-        return self._course.scene.arena
-
-    @property
     def organism(self) -> Any:
         """Organism of all simulations."""
         return self._course.scene.organism
-
-    @property
-    def route(self) -> Any:
-        """Way of all simulations."""
-        return self._course.scene.route
