@@ -152,9 +152,9 @@ def _sum_up(name: str, entries: Sequence[Entry]) -> Row:
     ]
     means = np.mean(scores, axis=0).tolist()
     deviations = np.std(scores, axis=0, ddof=1).tolist() if len(entries) > 1 else [np.nan] * len(means)
-    spreads = [Spread(mean, deviation) for mean, deviation in zip(means, deviations, strict=True)]
+    truth, scan, truth_fitness, scan_fitness = map(Spread, means, deviations)
     seconds = float(np.mean([entry.seconds for entry in entries]))
-    return Row(entries[0].task, name, len(entries), *spreads, seconds)
+    return Row(entries[0].task, name, len(entries), truth, scan, truth_fitness, scan_fitness, seconds)
 
 
 def _format_row(row: Row) -> list[str]:
