@@ -76,8 +76,9 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
 
     | term in `info`   | value                                                                         |
     |------------------|-------------------------------------------------------------------------------|
-    | `reward_forward` | `forward_weight` x change of progress [m] |
+    | `reward_forward` | `forward_weight` x change of progress [m], which a failure takes back             |
     | `reward_success` | `success_bonus` once, on success                                              |
+    | `reward_failure` | -`failure_cost` once, on a failure; a parameter of the task, 1 unless given   |
     | `reward_effort`  | -`effort_weight` x work of the hinges [J]                                     |
 
     Progress is the mean position of the modules along the route, each counted up to the finish.
