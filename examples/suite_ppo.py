@@ -23,8 +23,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 from evolution._src.backends.rollout import make_environment_options
 from evolution._src.controllers.policy_network import HOLD, UNITS, PolicyNetwork
 from evolution._src.search.run import describe_origin
-from evolution._src.suite.running import fill_submission
-from evolution._src.suite.submission import Entry, compute_score
+from evolution._src.suite.submission import Entry, compute_score, fill_submission
 from evolution._src.suite.tasks import BUDGET, EXAM_SEED, SUITE, SuiteTask, find_suite_task
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv

@@ -16,20 +16,25 @@ if TYPE_CHECKING:
         Recorder,
         Trajectory,
     )
-    from symbrion_gym._src.tasks.starts import Start
+    from symbrion_gym._src.tasks.route import Start
     from symbrion_gym._src.tasks.state import TaskState
-    from symbrion_gym._src.tasks.task import (
-        Task,
+    from symbrion_gym._src.tasks.task import Task, read_task
+    from symbrion_gym._src.tasks.terms import (
+        FellOff,
+        Goal,
+        Reward,
+        RolledOver,
+        Stuck,
+        Termination,
+        TouchedPit,
         gain_potential,
         gain_progress,
         has_failed,
         has_succeeded,
         make_rewards,
-        read_task,
+        make_terminations,
         spend_power,
     )
-    from symbrion_gym._src.tasks.terminations import FellOff, RolledOver, Stuck, TouchedPit, make_terminations
-    from symbrion_gym._src.tasks.terms import Goal, Reward, Termination
 
 __all__ = [
     "TASKS",

@@ -67,8 +67,7 @@ def test_ppo_is_trained_saved_judged_and_filmed(tmp_path: Path) -> None:
 def test_ppo_submits_to_the_suite_what_it_has_learned() -> None:
     pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")
     from evolution._src.controllers.finding import find_controller
-    from evolution._src.suite.running import verify
-    from evolution._src.suite.submission import Submission
+    from evolution._src.suite.submission import Submission, verify
     from evolution._src.suite.tasks import EXAM_SEED, find_suite_task
 
     example, task = load("suite_ppo"), find_suite_task("stairs, 3 in a row")

@@ -8,8 +8,7 @@ import numpy as np
 
 from evolution._src.controllers.controller import make_controller
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.tasks.audit import audit
-from symbrion_gym._src.tasks.audit_checks import Trajectory
+from symbrion_gym._src.tasks.audit import Trajectory, audit
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
 """Knots of the posture along the course, from the middle of the pit [m]."""

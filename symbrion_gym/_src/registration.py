@@ -33,15 +33,14 @@ def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], 
     }, threshold
 
 
-_SNAKE_V1 = {"default_parameters": {"failure_cost": 1.0}, "randomize": _RANDOMIZE}
-_DRIVEN = {**_SNAKE_V1, "track_control": "body"}
+_DRIVEN = {"randomize": _RANDOMIZE, "track_control": "body"}
 _PLATEAUS = ((-1.9, -0.4), (-0.35, 0.3))
 _CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
 _LONE = {"default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _FALLEN = {"default_organism": "cross", "track_control": "skid"}
 _GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
 _SPECS: dict[str, tuple[dict[str, Any], float]] = {
-    "SnakePit-v1": ({**_SNAKE_V1, "randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
+    "SnakePit-v1": ({"randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
     "SnakeRamp-v1": ({**_DRIVEN, "arena": "truth", "pit": 0.0}, 4.2),
     "SnakeStairs-v1": ({**_DRIVEN, "arena": "stairs"}, 2.6),
     "SnakeTerrain-v1": ({**_DRIVEN, "arena": "gsrm", "default_ends": _PLATEAUS}, 2.0),

@@ -18,8 +18,7 @@ from evolution._src.cli.main import run as run_command
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.record import Record
-from evolution._src.suite.running import verify
-from evolution._src.suite.submission import Entry, Score, Submission, load_submission
+from evolution._src.suite.submission import Entry, Score, Submission, load_submission, verify
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.tasks.task import Task, read_task
 

@@ -14,7 +14,7 @@ from symbrion_gym._src.errors import ArenaError
 if TYPE_CHECKING:
     import evolution as ev
     from symbrion_gym._src.robot.organism import Organism
-    from symbrion_gym._src.tasks.drivable_way import Pair
+    from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.tasks.route import StartName
 
 logger = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ def warn_of_way(
     if config.task != TASK or not isinstance(config.arena, str) or config.arena in NAMED_ARENAS:
         return
     from evolution._src.backends.trials import prepare_arena
-    from symbrion_gym._src.tasks.drivable_way import find_broken_traverse
+    from symbrion_gym._src.tasks.paths import find_broken_traverse
 
     arena, goal = prepare_arena(config.arena), config.goal
     assert isinstance(arena, sg.Arena)

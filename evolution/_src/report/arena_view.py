@@ -39,7 +39,7 @@ from symbrion_gym._src.traversability.routes import DrivingRoute
 
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
-    from symbrion_gym._src.tasks.drivable_way import Pair
+    from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.traversability.drivable import TraversabilityMap
     from symbrion_gym._src.traversability.routes import DrivingRoute
 

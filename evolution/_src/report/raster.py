@@ -11,7 +11,7 @@ import symbrion_gym as sg
 from evolution._src.report.figures import LIGHT
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.tasks.drivable_way import Pair
+    from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.traversability.routes import DrivingRoute
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from evolution._src.backends.cluster import Backend
+from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.settings import Randomization, read_organism
+from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import Job, find_trial_controller
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
@@ -21,8 +22,10 @@ from evolution._src.search.bodies.learning import LearningConfig, LevelResult
 from evolution._src.search.bodies.record import BodyRecord
 from evolution._src.search.bodies.variation import BodyLimits, make_random_body
 from evolution._src.search.cmaes import Space, Strategy
-from evolution._src.suite.submission import SCORING, Entry, compute_score
-from evolution._src.suite.tasks import BUDGET, EXAM_SEED, LARGEST, SuiteTask, find_arena
+from evolution._src.search.run import describe_origin
+from evolution._src.suite.submission import SCORING, Entry, Submission, compute_score, fill_submission
+from evolution._src.suite.tasks import BUDGET, EXAM_SEED, LARGEST, SUITE, SuiteTask, find_suite_task
+from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.robot.body_plans import organism_to_text
 from symbrion_gym._src.robot.organism import Organism
@@ -46,14 +49,9 @@ class Found(NamedTuple):
 
 
 class Practice:
-    """A task, a budget and the best genotype that was tried in the scanned arena.
+    """A task, a budget of simulated time [s] and the best genotype that was tried in the scanned arena.
 
     Each generation has conditions of its own, equal for its genotypes. A generation that has begun is finished.
-
-    Args:
-        task: what is to be learned.
-        backend: runs the trials.
-        budget: simulated time that may be spent [s].
     """
 
     def __init__(self, task: SuiteTask, backend: Backend, budget: float) -> None:
@@ -94,13 +92,13 @@ class Practice:
         return make_random_body(rng, BodyLimits(1, LARGEST)).to_organism()
 
 
-def run_zero(practice: Practice, rng: np.random.Generator) -> None:
+def _run_zero(practice: Practice, rng: np.random.Generator) -> None:
     """Offer the zero genotype, untried: tracks full speed ahead, hinges straight."""
     body = read_organism(RESTING_BODY if practice.task.body is None else practice.task.body)
     practice.offer(body, np.zeros((1, len(practice.make_controller(body).parameters))), np.zeros(1))
 
 
-def run_random(practice: Practice, rng: np.random.Generator) -> None:
+def _run_random(practice: Practice, rng: np.random.Generator) -> None:
     """Draw genotypes around zero, and a body with each generation where it is free."""
     while practice.has_time():
         body = practice.draw_body(rng)
@@ -109,7 +107,7 @@ def run_random(practice: Practice, rng: np.random.Generator) -> None:
         practice.try_all(body, np.clip(genotypes, law.lower, law.upper))
 
 
-def run_cmaes(practice: Practice, rng: np.random.Generator) -> None:
+def _run_cmaes(practice: Practice, rng: np.random.Generator) -> None:
     """Let CMA-ES learn, of several random bodies one after the other where the body is free.
 
     The zero genotype is tried first: it drives straight ahead, and CMA-ES samples around it only, so that a small
@@ -128,10 +126,10 @@ def run_cmaes(practice: Practice, rng: np.random.Generator) -> None:
             strategy.tell(genotypes, practice.try_all(body, genotypes))
 
 
-def run_surrogate(practice: Practice, rng: np.random.Generator) -> None:
+def _run_surrogate(practice: Practice, rng: np.random.Generator) -> None:
     """Let the search of `symbrion evolve --bodies` propose bodies; the one that did best in its exam is kept."""
     config = BodyEvolutionConfig(
-        arena=find_arena(practice.task, in_truth=False),
+        arena=practice.task.find_arena(in_truth=False),
         seed=int(rng.integers(2**31)),
         controller=CONTROLLER,
         randomization=Randomization(stretch=(1.0,)),
@@ -160,46 +158,29 @@ def run_surrogate(practice: Practice, rng: np.random.Generator) -> None:
         search.tell(results)
 
 
-Baseline: TypeAlias = Callable[[Practice, np.random.Generator], None]
-"""Spends the budget of a practice, which keeps the best genotype."""
-
-
-@dataclass(frozen=True)
-class Method:
-    """A baseline."""
-
-    run: Baseline  # the baseline
-    is_for_free_bodies: bool = False  # whether it suits only tasks in which the method chooses the body
-
-    def suits(self, task: SuiteTask) -> bool:
-        """Return whether it can run on a task."""
-        return task.body is None or not self.is_for_free_bodies
-
-
-METHODS: Mapping[str, Method] = {
-    "zero": Method(run_zero),
-    "random": Method(run_random),
-    "cmaes": Method(run_cmaes),
-    "surrogate": Method(run_surrogate, is_for_free_bodies=True),
+METHODS: Mapping[str, Callable[[Practice, np.random.Generator], None]] = {
+    "zero": _run_zero,
+    "random": _run_random,
+    "cmaes": _run_cmaes,
+    "surrogate": _run_surrogate,
 }
-"""Baselines by name."""
+"""Baselines by name: each spends the budget of a practice, which keeps the best genotype."""
 
 
-def find_method(name: str) -> Method:
-    """Return a baseline."""
-    check_choice("method", name, tuple(METHODS), RunError)
-    return METHODS[name]
+def suits(method: str, task: SuiteTask) -> bool:
+    """Return whether a baseline can run on a task: one that searches bodies only where the body is free."""
+    check_choice("method", method, tuple(METHODS), RunError)
+    return task.body is None or method != "surrogate"
 
 
 def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget: float = BUDGET) -> Entry:
     """Return what a baseline finds for a task."""
-    method = find_method(name)
-    if not method.suits(task):
+    if not suits(name, task):
         raise RunError(
             f"the baseline {name!r} searches bodies, and {task.name!r} gives one; leave the task out"
         )
     practice = Practice(task, backend, budget)
-    method.run(practice, np.random.default_rng((seed, *task.name.encode(), *name.encode())))
+    METHODS[name](practice, np.random.default_rng((seed, *task.name.encode(), *name.encode())))
     found = practice.best
     assert found is not None
     plan = organism_to_text(found.body)
@@ -208,3 +189,30 @@ def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget
     )
     genes = tuple(float(gene) for gene in found.genotype)
     return Entry(task.name, seed, plan, CONTROLLER, genes, practice.seconds, scan, truth)
+
+
+def run_suite(
+    method: str,
+    seeds: Sequence[int],
+    tasks: Sequence[str] = (),
+    budget: float = BUDGET,
+    workers: int = 1,
+    progress: Progress = silent,
+    simulate: Simulate | None = None,
+    out: Path | None = None,
+) -> Submission:
+    """Return what a baseline finds for tasks, all that it suits unless some are named."""
+    suited = [task for task in SUITE if suits(method, task)]
+    chosen = [find_suite_task(name) for name in tasks] or suited
+    backend = make_backend("batch", workers, simulate=simulate)
+    try:
+        return fill_submission(
+            method if budget == BUDGET else f"{method}, {budget:g} s",
+            lambda task, seed: run_baseline(method, task, seed, backend, budget),
+            [(task, seed) for seed in seeds for task in chosen],
+            describe_origin() | {"method": method, "budget": budget},
+            out,
+            progress,
+        )
+    finally:
+        backend.close()

@@ -11,17 +11,6 @@ import numpy as np
 from evolution._src.suite.submission import Entry, Submission
 from evolution._src.suite.tasks import BUDGET, EXAM_TRIALS, SUITE, VERSION
 
-COLUMNS = (
-    "task",
-    "submission",
-    "place",
-    "seeds",
-    f"truth, of {EXAM_TRIALS}",
-    f"scan, of {EXAM_TRIALS}",
-    "fitness, truth",
-    "fitness, scan",
-    "spent [s]",
-)
 SHORT_COLUMNS = ("task", "submission", "place", "seeds", "truth", "scan", "fitness")
 """Those that a terminal has room for; the fitness is that in the truth."""
 _SHORT_COMMIT = 8
@@ -52,7 +41,7 @@ class Row(NamedTuple):
     scan_successes: Spread  # on the scan
     truth_fitness: Spread  # in the truth
     scan_fitness: Spread  # on the scan
-    seconds: Spread  # simulated for it [s]
+    seconds: float  # simulated for it, mean [s]
     # by mean successes in the truth: "1", "2=" where several have as many, and "–" without any success
     place: str = NOWHERE
 
@@ -143,7 +132,10 @@ def make_page(submissions: Sequence[Submission]) -> Any:
     for name, rows in groupby(rank(submissions), key=lambda row: row.task):
         page.add_section(name.capitalize())
         page.add_table(
-            list(COLUMNS[1:]),
+            [
+                *("submission", "place", "seeds", f"truth, of {EXAM_TRIALS}", f"scan, of {EXAM_TRIALS}"),
+                *("fitness, truth", "fitness, scan", "spent [s]"),
+            ],
             [_format_row(row) for row in rows],
             "Successes and fitness, mean ± standard deviation over seeds. The place is by successes in the truth: 1= "
             "is a tie for the first, – has no success. Rows of one place are ordered by fitness in the truth.",
@@ -154,25 +146,21 @@ def make_page(submissions: Sequence[Submission]) -> Any:
 
 
 def _sum_up(name: str, entries: Sequence[Entry]) -> Row:
-    def spread(values: Sequence[float]) -> Spread:
-        return Spread(float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else np.nan)
-
-    return Row(
-        entries[0].task,
-        name,
-        len(entries),
-        spread([entry.truth.successes for entry in entries]),
-        spread([entry.scan.successes for entry in entries]),
-        spread([entry.truth.fitness for entry in entries]),
-        spread([entry.scan.fitness for entry in entries]),
-        spread([entry.seconds for entry in entries]),
-    )
+    scores = [
+        (entry.truth.successes, entry.scan.successes, entry.truth.fitness, entry.scan.fitness)
+        for entry in entries
+    ]
+    means = np.mean(scores, axis=0).tolist()
+    deviations = np.std(scores, axis=0, ddof=1).tolist() if len(entries) > 1 else [np.nan] * len(means)
+    truth, scan, truth_fitness, scan_fitness = map(Spread, means, deviations)
+    seconds = float(np.mean([entry.seconds for entry in entries]))
+    return Row(entries[0].task, name, len(entries), truth, scan, truth_fitness, scan_fitness, seconds)
 
 
 def _format_row(row: Row) -> list[str]:
     successes = [each.format(1) for each in (row.truth_successes, row.scan_successes)]
     fitness = [each.format(2) for each in (row.truth_fitness, row.scan_fitness)]
-    return [row.submission, row.place, str(row.seeds), *successes, *fitness, f"{row.seconds.mean:.0f}"]
+    return [row.submission, row.place, str(row.seeds), *successes, *fitness, f"{row.seconds:.0f}"]
 
 
 def _describe(submission: Submission) -> str:

@@ -1,20 +1,25 @@
-"""Submissions to the benchmark suite: one JSON file with what was learned, its scores and its provenance."""
+"""Submissions to the benchmark suite: one JSON file with what was learned, its scores and its provenance.
+
+A file is filled entry by entry, so that a run that was stopped goes on; every score can be computed again.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.scoring import Scoring
+from evolution._src.backends.settings import read_organism
 from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
+from evolution._src.references import check_allowed
 from evolution._src.suite.tasks import (
     BUDGET,
     EXAM_SEED,
@@ -25,12 +30,13 @@ from evolution._src.suite.tasks import (
     find_suite_task,
 )
 from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.typed_json import JsonError, as_type, read_json
-from symbrion_gym._src.robot.body_plans import organism_to_text
 
 FORMAT = "symbrion suite submission 1"
 SCORING = Scoring(module=0.0)
 """The fitness of a score: progress [m], 1 for a success rate of 1, less the effort."""
+TOLERANCE = 1e-6  # Difference of fitness that other processors and versions of libraries may make [m]
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ class Submission:
                 "others; run the method again"
             )
         for entry in self.entries:
-            check_entry(entry)
+            _check_entry(entry)
 
     def save(self, path: Path) -> None:
         """Write the file."""
@@ -100,12 +106,11 @@ def load_submission(path: Path) -> Submission:
         raise RunError(f"{path} cannot be read as a submission: {error}") from error
 
 
-def check_entry(entry: Entry) -> None:
+def _check_entry(entry: Entry) -> None:
     """Refuse what cannot have been found under the rules of its task."""
-    from evolution._src.backends.settings import read_organism
+    from symbrion_gym._src.robot.body_plans import organism_to_text
 
-    task = find_suite_task(entry.task)
-    organism = read_organism(entry.body)
+    task, organism = find_suite_task(entry.task), read_organism(entry.body)
     if task.body is not None and organism_to_text(read_organism(task.body)) != organism_to_text(organism):
         raise RunError(f"{entry.task}: the body is {entry.body!r}, and the task gives {task.body!r}")
     if task.body is None and organism.num_modules > LARGEST:
@@ -128,3 +133,73 @@ def compute_score(
     if outcome.error:
         raise RunError(f"{task.name}: the genotype cannot be tried: {outcome.error}")
     return Score(SCORING.score(outcome, 0), outcome.successes)
+
+
+def fill_submission(
+    name: str,
+    find_entry: Callable[[SuiteTask, int], Entry],
+    pairs: Sequence[tuple[SuiteTask, int]],
+    provenance: Mapping[str, Any],
+    out: Path | None = None,
+    progress: Progress = silent,
+) -> Submission:
+    """Return a submission with an entry for each task and seed, as a function of both finds it; those that the file
+    has are kept."""
+    submission = Submission(name, (), provenance)
+    if out is not None and out.exists():
+        known = load_submission(out)
+        keys = {**known.provenance, **provenance}
+        differing = [key for key in keys if known.provenance.get(key) != provenance.get(key)]
+        if known.name != name or differing:
+            what = ", ".join(differing) or "name"
+            raise RunError(f"{out} is a submission of another run (it differs in: {what}); name another file")
+        submission = known
+    for number, (task, seed) in enumerate(pairs):
+        if any(entry.task == task.name and entry.seed == seed for entry in submission.entries):
+            continue
+        progress(f"{task.name}, seed {seed}", number / len(pairs))
+        submission = Submission(name, (*submission.entries, find_entry(task, seed)), provenance)
+        if out is not None:
+            submission.save(out)
+    return submission
+
+
+class Check(NamedTuple):
+    """An entry whose score was computed again."""
+
+    entry: Entry  # as submitted
+    scan: Score  # score in the arena, computed again
+    truth: Score  # score in the exact arena, computed again
+
+    @property
+    def holds(self) -> bool:
+        """Whether both scores are those of the submission."""
+        pairs = (self.entry.scan, self.scan), (self.entry.truth, self.truth)
+        return all(
+            told.successes == found.successes and abs(told.fitness - found.fitness) <= TOLERANCE
+            for told, found in pairs
+        )
+
+
+def verify(
+    submission: Submission,
+    progress: Progress = silent,
+    tasks: Sequence[str] = (),
+    allow: Collection[str] = (),
+) -> list[Check]:
+    """Run every genotype of a submission again, on the scan and in the truth."""
+    names = {find_suite_task(name).name for name in tasks}
+    entries = [entry for entry in submission.entries if not names or entry.task in names]
+    for entry in entries:
+        if ":" in entry.controller:
+            check_allowed(entry.controller, "controller", allow)
+    checks = []
+    for number, entry in enumerate(entries):
+        progress(entry.task, number / len(entries))
+        task = find_suite_task(entry.task)
+        scan, truth = (
+            compute_score(task, entry.body, entry.controller, entry.genotype, in_truth)
+            for in_truth in (False, True)
+        )
+        checks.append(Check(entry, scan, truth))
+    return checks

@@ -60,6 +60,7 @@ def _make_hill(
     return trimesh.convex.convex_hull(np.concatenate(corners) + np.array((*center, 0.0)))
 
 
+@cache
 def make_true_arena(name: str) -> Arena:
     """Return a place as it is, which judges alone."""
     if name in COURSES:
@@ -72,8 +73,6 @@ def make_true_arena(name: str) -> Arena:
 
 def find_published_arena(name: str) -> Path:
     """Return the folder of a scanned arena that ships with the package."""
-    if name not in PLACES:
-        raise RunError(f"no place {name!r}; there are: {', '.join(PLACES)}")
     return find_assets() / "suite" / "arenas" / name
 
 
@@ -103,23 +102,27 @@ class SuiteTask:
         count: int,
         seed: tuple[int, ...],
         in_truth: bool = False,
-        descriptors: tuple[str, ...] = (),
     ) -> Trials:
         """Return trials of a genotype."""
         return Trials(
-            arena=find_arena(self, in_truth),
+            arena=self.find_arena(in_truth),
             organism=body,
             controller=controller,
             randomization=Randomization(stretch=(1.0,)),
             count=count,
             seed=seed,
-            descriptors=descriptors,
             **self.make_options(),
         )
 
     def make_options(self) -> dict[str, Any]:
         """Return the options of the environment, those of all tasks included."""
         return {"track_control": "skid", "duration": 15.0} | dict(self.options)
+
+    def find_arena(self, in_truth: bool) -> ArenaSource:
+        """Return the scanned arena, or the exact one."""
+        if in_truth:
+            return make_true_arena(self.arena) if self.truth is None else self.truth
+        return str(find_published_arena(self.arena)) if self.arena in PLACES else self.arena
 
 
 CROSS = "SBSFSBSF0000SLSF0000SRSF00000000"  # A module with others on all sides: five modules
@@ -148,16 +151,3 @@ def find_suite_task(name: str) -> SuiteTask:
     raise RunError(
         f"no task {name!r} in suite {VERSION}; there are: {'; '.join(each.name for each in SUITE)}"
     )
-
-
-def find_arena(task: SuiteTask, in_truth: bool) -> ArenaSource:
-    """Return the arena of a task."""
-    if not in_truth:
-        is_place = task.arena in PLACES
-        return str(find_published_arena(task.arena)) if is_place else task.arena
-    return _make_true(task.arena) if task.truth is None else task.truth
-
-
-@cache
-def _make_true(name: str) -> Arena:
-    return make_true_arena(name)

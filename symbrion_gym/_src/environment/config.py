@@ -21,9 +21,8 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.robot.organism import Organism
     from symbrion_gym._src.robot.scout_sensors import SensorNoise
-    from symbrion_gym._src.tasks.features.gap import GapSearch
     from symbrion_gym._src.tasks.recorders import Recorder
-    from symbrion_gym._src.tasks.route import Point, RouteMargins, StartName, SuccessCriteria
+    from symbrion_gym._src.tasks.route import Point, StartName
     from symbrion_gym._src.tasks.task import Task
 
 SCOUT_OPTIONS = ("hinge_torque", "track_speed", "tracks", "friction")
@@ -80,9 +79,6 @@ TASK_OPTIONS = (
     "forward_weight",
     "success_bonus",
     "effort_weight",
-    "criteria",
-    "margins",
-    "pit_search",
 )
 """Options that are parameters of the task; None is the task's own value."""
 _INTERNAL = "default_"  # Options of this prefix are for registered ids; messages do not list them
@@ -161,9 +157,6 @@ class EnvironmentConfig:
     forward_weight: float | None = None  # reward per meter of progress
     success_bonus: float | None = None  # reward of a success
     effort_weight: float | None = None  # cost per joule of the hinges' work
-    criteria: SuccessCriteria | None = None  # limits of a success
-    margins: RouteMargins | None = None  # distances of the route from ramp, pit and rim
-    pit_search: GapSearch | None = None  # what counts as a pit of a surface
     # the body in place of `modules`: what `load_organism` reads, or an `Organism`
     organism: int | str | Path | Organism | None = None
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.environment.commands import Commands
     from symbrion_gym._src.environment.world import Physics, World
     from symbrion_gym._src.robot.organism import Organism
-    from symbrion_gym._src.tasks.scene import Scene
+    from symbrion_gym._src.tasks.state import Scene
 
 LEAST_LEVEL = 0.2
 """Cosine of the pitch that is assumed of steeper modules: near the vertical a heading would turn at any rate."""

@@ -17,9 +17,7 @@ from symbrion_gym._src.environment.commands import Commands
 from symbrion_gym._src.environment.dead_reckoning import DeadReckoning
 from symbrion_gym._src.environment.observation import Observer
 from symbrion_gym._src.environment.world import Physics, World, make_slice
-from symbrion_gym._src.tasks.checked_terms import check_function
-from symbrion_gym._src.tasks.scene import Scene
-from symbrion_gym._src.tasks.state import MEASURES, TaskState, Views
+from symbrion_gym._src.tasks.state import MEASURES, Scene, TaskState, Views, check_function
 from symbrion_gym._src.tasks.task import Task
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 from symbrion_gym._src.tasks.watch import Watch
@@ -85,10 +83,9 @@ class Episodes:
             DeadReckoning(world, self.commands, self.observer.goal_direction) if is_reckoned else None
         )
         self.scene = world.scene
-        criteria = task.compute_criteria(world.organism)
-        self.state = TaskState(self.scene, task.goal, num, self._dt, criteria, self.action)
+        self.state = TaskState(self.scene, task.goal, num, self._dt, self.action)
         self._watch = Watch(task, self.state)
-        self._largest_squares = _SOUND * criteria.max_rate**2
+        self._largest_squares = _SOUND * self.state.criteria.max_rate**2
         self.number_names, self.flag_names = name_numbers(task), name_flags(task)
         self.info_names = self.number_names + self.flag_names
         self.flags = self._watch.flags

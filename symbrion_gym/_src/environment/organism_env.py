@@ -76,8 +76,9 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
 
     | term in `info`   | value                                                                         |
     |------------------|-------------------------------------------------------------------------------|
-    | `reward_forward` | `forward_weight` x change of progress [m] |
+    | `reward_forward` | `forward_weight` x change of progress [m], which a failure takes back             |
     | `reward_success` | `success_bonus` once, on success                                              |
+    | `reward_failure` | -`failure_cost` once, on a failure; a parameter of the task, 1 unless given   |
     | `reward_effort`  | -`effort_weight` x work of the hinges [J]                                     |
 
     Progress is the mean position of the modules along the route, each counted up to the finish.
@@ -131,9 +132,6 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `forward_weight`      | None      | reward per meter of progress                                    |
     | `success_bonus`       | None      | reward of a success                                             |
     | `effort_weight`       | None      | penalty per joule of work of the hinges                         |
-    | `criteria`            | None      | a `SuccessCriteria`: limits of the success check                |
-    | `margins`             | None      | a `RouteMargins`: distances from ramp, pit and rim              |
-    | `pit_search`          | None      | a `GapSearch`: how a pit is found on a surface                  |
     | `organism`            | None      | the body in place of `modules`: a number, name, body plan or file |
     | `render_mode`, `width`, `height` | None, 640, 400 | "human", "rgb_array", "depth_array", "rgbd_tuple"   |
 

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from symbrion_gym._src.environment.laying import LIFT
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.scene import Scene
+from symbrion_gym._src.tasks.state import Scene
 
 _MARGIN = 0.05  # Contacts are foreseen from this distance on [m]
 _STEP = 0.02  # A module moves at most this far up or down in an iteration [m], well within the margin

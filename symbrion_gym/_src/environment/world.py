@@ -33,7 +33,7 @@ from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.organism_sensors import add_sensors
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.robot.tracks import compute_wheel_radius, find_driven_wheels, limit_wheels
-from symbrion_gym._src.tasks.scene import Scene
+from symbrion_gym._src.tasks.state import Scene
 
 logger = logging.getLogger(__name__)
 _MADE_IN_CODE = ("truth", "simple", "stairs")

@@ -7,28 +7,97 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, cast
 
-from reconstruction._src.base.range_checks import check_choice
-from symbrion_gym._src.arenas.arena import Arena
+import numpy as np
+
 from symbrion_gym._src.errors import OptionError, TaskError
-from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.explore import make_explore
-from symbrion_gym._src.tasks.features import GapSearch, Way, find_gap, find_ramp, find_stairs, find_step
-from symbrion_gym._src.tasks.goals import PassFinish
-from symbrion_gym._src.tasks.objects import ReachObject
-from symbrion_gym._src.tasks.reach import ReachPlaces
-from symbrion_gym._src.tasks.route import Point, Route, RouteMargins, StartName, SuccessCriteria
-from symbrion_gym._src.tasks.starts import Start, make_route
-from symbrion_gym._src.tasks.task import (
-    Task,
-    gain_potential,
-    gain_progress,
-    has_failed,
-    has_succeeded,
-    spend_power,
+from symbrion_gym._src.tasks.explore import SeeGround, StandUp
+from symbrion_gym._src.tasks.goals import BeyondGap, FarEnd, OnTop, PassFinish
+from symbrion_gym._src.tasks.reach import DOCK_TOLERANCE, DockAtObject, ReachObject, ReachPlaces
+from symbrion_gym._src.tasks.route import Point, Start, StartName
+from symbrion_gym._src.tasks.task import Task
+from symbrion_gym._src.tasks.terms import (
+    FellOff,
+    Goal,
+    Stuck,
+    Termination,
+    TouchedPit,
+    make_rewards,
+    make_terminations,
 )
-from symbrion_gym._src.tasks.terminations import FellOff, RolledOver, Stuck, TouchedPit, make_terminations
-from symbrion_gym._src.tasks.terms import Reward, Termination
-from symbrion_gym._src.tasks.traverse import UsualTerms, make_dock, make_recover, make_traverse
+
+_RIGHTING = 0.05  # Change of the mean uprightness that counts as progress
+_LEAST_STEP = 0.02  # Smallest progress across a pit that counts as such [m]
+
+
+@dataclass(frozen=True)
+class UsualTerms:
+    """Parameters of every task; they are parameters of the functions that make tasks, too."""
+
+    # an episode is truncated after this [s]; 180 for "explore", 120 for "traverse", 30 for "recover"
+    duration: float = 90.0
+    # time without progress after which it is truncated as well [s]; 20 for "explore"
+    stuck_time: float = 15.0
+    # smallest progress that counts as such, in the unit of the goal; None for a fifth of a module's length,
+    # in "recover" for a change of the mean uprightness by 0.05, in "snake_pit" for 0.02 m
+    stuck_progress: float | None = None
+    # reward per unit of progress: a meter, a square meter seen, or of uprightness, of which there are two
+    forward_weight: float = 1.0
+    success_bonus: float = 1.0  # reward of a success
+    effort_weight: float = 0.002  # cost per joule of the hinges' work
+    failure_cost: float = 1.0  # cost of a failure, which keeps none of the progress either
+
+    def make_task(self, name: str, start: Start, goal: Goal, **others: Termination) -> Task:
+        """Return a task with these terms, and other terminations."""
+        return Task(
+            name=name,
+            start=start,
+            goal=goal,
+            terminations=make_terminations(self.stuck_time, self.stuck_progress, **others),
+            rewards=make_rewards(
+                self.forward_weight, self.success_bonus, self.effort_weight, self.failure_cost
+            ),
+            duration=self.duration,
+        )
+
+
+def make_snake_pit(
+    start: StartName | Point = "floor", goal: Point | None = None, bottomless: bool = False, **terms: Any
+) -> Task:
+    """Make the task of crossing a pit, or climbing stairs or a ramp, or reaching a place straight ahead."""
+    usual = UsualTerms(**{"stuck_progress": _LEAST_STEP, **terms})
+    touched = Termination("touched_pit", TouchedPit(bottomless))
+    return usual.make_task("snake_pit", Start(start), PassFinish(goal), touched=touched)
+
+
+def make_cross_gap(start: StartName | Point = "floor", bottomless: bool = False, **terms: Any) -> Task:
+    """Make the task of crossing the first gap on the way across a surface.
+
+    Success: every corner of every module beyond the far edge, upright, on the ground, the body no faster than its
+    tracks, for 0.3 s.
+    """
+    touched = Termination("touched_pit", TouchedPit(bottomless))
+    return UsualTerms(**terms).make_task("cross_gap", Start(start), BeyondGap(), touched=touched)
+
+
+def make_climb(obstacle: str = "any", start: StartName | Point = "floor", **terms: Any) -> Task:
+    """Make the task of climbing the first step, stairs or ramp on the way across a surface.
+
+    Success: every corner of every module past the edge of the top, upright, on the ground, the body no faster than its
+    tracks, for 0.3 s.
+    """
+    return UsualTerms(**terms).make_task("climb", Start(start), OnTop(obstacle=obstacle))
+
+
+def make_traverse(
+    share: float = 0.9, start: StartName | Point = "floor", goal: Point | None = None, **terms: Any
+) -> Task:
+    """Make the task of traversing the ground straight ahead as far as possible.
+
+    Success: every corner of every module past a share of the way to the far end, upright, on the ground, the body no
+    faster than its tracks, for 0.3 s.
+    """
+    usual = UsualTerms(**{"duration": 120.0, **terms})
+    return usual.make_task("traverse", Start(start), FarEnd(goal, share=share))
 
 
 def make_reach(
@@ -52,128 +121,46 @@ def make_reach(
     return UsualTerms(**terms).make_task("reach", Start(start), target)
 
 
-@dataclass(frozen=True)
-class BeyondGap(PassFinish):
-    """Get every module across the first gap on the way."""
-
-    search: GapSearch | None = None  # what counts as a gap; None for the defaults
-
-    def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
-        """Find the gap on the surface alone."""
-        gap = find_gap(arena, organism, None, self.search)
-        pit = gap.near, gap.far, gap.floor
-        finish = gap.find_finish(organism)
-        return make_route(arena, organism, gap.way, start, gap.start, finish, pit, self.margins)
-
-
-def make_cross_gap(
+def make_dock(
+    goal: str = "station",
+    tolerance: float = DOCK_TOLERANCE,
+    max_angle: float = DockAtObject.max_angle,
     start: StartName | Point = "floor",
-    bottomless: bool = False,
-    search: GapSearch | None = None,
     **terms: Any,
 ) -> Task:
-    """Make the task of crossing the first gap on the way across a surface.
+    """Make the task of docking at a known object with the front dock of the head.
 
-    Success: every corner of every module beyond the far edge, upright, on the ground, the body no faster than its
-    tracks, for 0.3 s.
+    Success: the dock within the tolerance of the middle of the object's front, ahead and to the side, the head aligned
+    with it, every module upright, on the ground, the body no faster than its tracks, for 0.3 s.
     """
-    usual = UsualTerms(**terms)
-    touched = Termination("touched_pit", TouchedPit(bottomless))
-    terminations = make_terminations(usual.stuck_time, usual.stuck_progress, touched=touched)
-    return usual.make_task("cross_gap", Start(start), BeyondGap(search=search), terminations)
+    target = DockAtObject(tolerance=tolerance, site=goal, max_angle=max_angle)
+    return UsualTerms(**terms).make_task("dock", Start(start), target)
 
 
-OBSTACLES = ("stairs", "step", "ramp")
-
-
-@dataclass(frozen=True)
-class OnTop(PassFinish):
-    """Get every module past the top of a step, of stairs or of a ramp.
-
-    Raises:
-        TaskError: there is no such kind.
-    """
-
-    obstacle: str = "any"  # "stairs", "step" or "ramp"; "any" for the first kind that is there, in this order
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_choice("obstacle", self.obstacle, ("any", *OBSTACLES), TaskError)
-
-    def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
-        """Find what to climb on the surface alone."""
-        kinds = OBSTACLES if self.obstacle == "any" else (self.obstacle,)
-        for kind in kinds[:-1]:
-            try:
-                way, foot, top = _find(kind, arena, organism)
-                break
-            except TaskError:
-                continue
-        else:
-            way, foot, top = _find(kinds[-1], arena, organism)
-        return make_route(
-            arena, organism, way, start, foot, top + organism.scout.pitch / 2, margins=self.margins
-        )
-
-
-def _find(kind: str, arena: Arena, organism: Organism) -> tuple[Way, float, float]:
-    """Return the way, the foot and the top of an obstacle [m]."""
-    if kind == "stairs":
-        stairs = find_stairs(arena, organism)
-        return stairs.way, stairs.steps[0].edge, stairs.steps[-1].edge
-    if kind == "step":
-        step = find_step(arena, organism)
-        return step.way, step.edge, step.edge
-    ramp = find_ramp(arena)
-    return ramp.way, ramp.foot, ramp.crest
-
-
-def make_climb(obstacle: str = "any", start: StartName | Point = "floor", **terms: Any) -> Task:
-    """Make the task of climbing the first step, stairs or ramp on the way across a surface.
-
-    Success: every corner of every module past the edge of the top, upright, on the ground, the body no faster than its
-    tracks, for 0.3 s.
-    """
-    return UsualTerms(**terms).make_task("climb", Start(start), OnTop(obstacle=obstacle))
-
-
-def make_snake_pit(
-    start: StartName | Point = "floor",
-    goal: Point | None = None,
-    bottomless: bool = False,
-    duration: float = 90.0,
-    stuck_time: float = 15.0,
-    stuck_progress: float = 0.02,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float | None = None,
-    criteria: SuccessCriteria | None = None,
-    margins: RouteMargins | None = None,
-    pit_search: GapSearch | None = None,
+def make_explore(
+    share: float = 0.6, sight: float | None = None, start: StartName | Point = "floor", **terms: Any
 ) -> Task:
-    """Make the task of crossing a pit, or climbing stairs or a ramp, or reaching a place straight ahead."""
-    gain = gain_progress if failure_cost is None else gain_potential
-    failure = () if failure_cost is None else (Reward("failure", has_failed, -failure_cost, at_end=True),)
-    return Task(
-        name="snake_pit",
-        start=Start(start),
-        goal=PassFinish(goal, margins, pit_search),
-        terminations=(
-            Termination("rolled_over", RolledOver()),
-            Termination("fell", FellOff()),
-            Termination("touched_pit", TouchedPit(bottomless)),
-            Termination("stuck", Stuck(stuck_time, stuck_progress), truncates=True),
-        ),
-        rewards=(
-            Reward("forward", gain, forward_weight),
-            Reward("success", has_succeeded, success_bonus, at_end=True),
-            *failure,
-            Reward("effort", spend_power, -effort_weight, per_second=True),
-        ),
-        duration=duration,
-        criteria=criteria,
-    )
+    """Make the task of seeing the ground that the body can reach.
+
+    Success: a share of the ground seen, then every module upright and on the ground, the body no farther from its
+    start than its tracks can have taken it, for 0.3 s.
+    """
+    usual = UsualTerms(**{"duration": 180.0, "stuck_time": 20.0, **terms})
+    return usual.make_task("explore", Start(start), SeeGround(share, sight))
+
+
+def make_recover(
+    least: float = 2.0, most: float = np.pi, start: StartName | Point = "floor", **terms: Any
+) -> Task:
+    """Make the task of standing up after a tumble.
+
+    Success: every module upright and on the ground, the body no farther from where it started than its tracks can have
+    taken it, for 0.3 s.
+    """
+    usual = UsualTerms(**{"duration": 30.0, "stuck_progress": _RIGHTING, **terms})
+    stuck = Termination("stuck", Stuck(usual.stuck_time, usual.stuck_progress), truncates=True)
+    task = usual.make_task("recover", Start(start, (least, most)), StandUp())
+    return task.replace(terminations=(Termination("fell", FellOff()), stuck))
 
 
 TASKS: dict[str, Callable[..., Task]] = {
@@ -193,9 +180,8 @@ def find_parameters(name: str) -> tuple[str, ...]:
     """Return the names of the parameters of a task."""
     if name not in TASKS:
         raise TaskError(f"no task {name!r}; there are: {', '.join(TASKS)}")
-    parameters = inspect.signature(TASKS[name]).parameters.values()
-    own = tuple(each.name for each in parameters if each.kind is not inspect.Parameter.VAR_KEYWORD)
-    return own if len(own) == len(parameters) else (*own, *(each.name for each in fields(UsualTerms)))
+    own = [each for each in inspect.signature(TASKS[name]).parameters if each != "terms"]
+    return (*own, *(each.name for each in fields(UsualTerms)))
 
 
 def make_task(name: str, **parameters: Any) -> Task:
@@ -220,10 +206,8 @@ def choose_task(task: Task | str, parameters: Mapping[str, Any]) -> Task:
         raise TaskError(f"task must be a Task or one of {', '.join(TASKS)}, got {task!r}")
     changes = dict(parameters)
     start = changes.pop("start", "floor")
-    if not isinstance(start, str):
+    if not isinstance(start, str) or start == "pit":
         changes["start"] = Start(cast(Any, start), task.start.roll)
-    elif start == "pit":
-        changes["start"] = Start("pit", roll=task.start.roll)
     for name in changes:
         if name not in ("start", "duration"):
             raise OptionError(

@@ -1,8 +1,8 @@
-"""The task of exploring: to see as much of the ground as possible."""
+"""Goals that are no place: to see as much of the ground as possible, and to stand up after a tumble."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -13,13 +13,10 @@ from reconstruction._src.base.range_checks import check_positive
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError, TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.goals import find_honest, find_standing
-from symbrion_gym._src.tasks.paths import find_ground_map, find_path
-from symbrion_gym._src.tasks.route import Point, Route, StartName
-from symbrion_gym._src.tasks.starts import Start
-from symbrion_gym._src.tasks.state import TaskState
-from symbrion_gym._src.tasks.task import Task
-from symbrion_gym._src.tasks.traverse import UsualTerms
+from symbrion_gym._src.tasks.goals import check_share, find_honest, find_standing
+from symbrion_gym._src.tasks.paths import find_path
+from symbrion_gym._src.tasks.route import Route, Start, find_ground_map
+from symbrion_gym._src.tasks.state import Scene, TaskState, add_up
 
 _SIGHT = 4.0  # Modules see as far as this many of their lengths
 _LOOKS = 5
@@ -43,14 +40,14 @@ class Cells(NamedTuple):
         return middle[:, None] + self.disc
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class AreaRoute(Route):
     """A start, and the ground that can be reached from it."""
 
     # middles of the cells of this ground [m]
-    places: Float[np.ndarray, "C 2"] = field(default_factory=lambda: np.zeros((1, 2)))
-    edge: float = 0.05  # edge of a cell [m]
-    sight: float = 0.4  # how far a module sees [m]
+    places: Float[np.ndarray, "C 2"]
+    edge: float  # edge of a cell [m]
+    sight: float  # how far a module sees [m]
 
     @property
     def area(self) -> float:
@@ -72,6 +69,11 @@ class AreaRoute(Route):
         return Cells(origin, (width, depth), pad, is_ground, (x * depth + y)[near])
 
 
+def _read_area(scene: Scene) -> AreaRoute:
+    assert isinstance(scene.route, AreaRoute)
+    return scene.route
+
+
 @dataclass(frozen=True)
 class SeeGround:
     """See a share of the ground that the body can reach from its start.
@@ -86,8 +88,7 @@ class SeeGround:
     sight: float | None = None  # how far a module sees [m]; None for four of its lengths
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.share <= 1.0:
-            raise TaskError(f"share must be above 0, up to 1, got {self.share!r}")
+        check_share(self.share)
         if self.sight is not None:
             check_positive(self, ("sight",), TaskError)
 
@@ -101,8 +102,7 @@ class SeeGround:
         inside = ground.positions[ground.region == ground.region[nearest], :2]
         if not len(inside):
             raise ArenaError(f"arena {arena.name!r} has no ground to explore; give a smaller body")
-        names = ("heading", "start", "lateral", "finish", "half_width", "lowest", "start_height")
-        given = {name: getattr(path, name) for name in names}
+        given = {each.name: getattr(path, each.name) for each in fields(Route)}
         sight = _SIGHT * organism.scout.size[0] if self.sight is None else self.sight
         return AreaRoute(**given, places=np.unique(inside, axis=0), edge=ground.grid.cell, sight=sight)
 
@@ -111,7 +111,7 @@ class SeeGround:
         xp, looks = state.xp, (state.tick % _LOOKS == 0) | (state.tick == 1)
         state.remember("explore_area", 0.0)
         for scene, rows in state.group(looks):
-            route = _read_area(scene.route)
+            route = _read_area(scene)
             cells, nothing = route.cells, np.zeros(len(route.cells.is_ground), dtype=bool)
             name = f"explore_seen_{len(nothing)}"
             state.remember(name, nothing)
@@ -121,15 +121,10 @@ class SeeGround:
             state.write("explore_area", rows, xp.count_nonzero(seen, axis=1) * route.edge**2, looks)
         return state.remember("explore_area", 0.0).copy()
 
-    def distance_to_goal(self, state: TaskState) -> Float[Any, " N"]:
-        """Return the area that is still to be seen [m²]."""
-        return state.xp.maximum(self._find_least(state) - state.progress, 0.0)
-
     def _find_least(self, state: TaskState) -> Float[np.ndarray, " N"]:
-        return self.share * np.array([_read_area(scene.route).area for scene in state.scenes])
+        return self.share * np.array([_read_area(scene).area for scene in state.scenes])
 
     def limits(self, state: TaskState) -> dict[str, np.ndarray]:
-        """Return the limits within which no body has arrived."""
         return {"progress": self._find_least(state)}
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
@@ -138,19 +133,22 @@ class SeeGround:
         return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
 
 
-def _read_area(route: Route) -> AreaRoute:
-    if not isinstance(route, AreaRoute):
-        raise TaskError("this goal needs a route with an area, as `SeeGround.find` makes it")
-    return route
+@dataclass(frozen=True)
+class StandUp:
+    """Get every module upright and on the ground."""
 
+    def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
+        """Find a place on the map with room around it, unless the start is a place."""
+        return find_path(arena, organism, start, ())
 
-def make_explore(
-    share: float = 0.6, sight: float | None = None, start: StartName | Point = "floor", **terms: Any
-) -> Task:
-    """Make the task of seeing the ground that the body can reach.
+    def progress(self, state: TaskState) -> Float[Any, " N"]:
+        """Return the mean z of the modules' up axes, from -1 to 1."""
+        return add_up(state.up) * (1.0 / state.up.shape[1])
 
-    Success: a share of the ground seen, then every module upright and on the ground, the body no farther from its
-    start than its tracks can have taken it, for 0.3 s.
-    """
-    usual = UsualTerms(**{"duration": 180.0, "stuck_time": 20.0, **terms})
-    return usual.make_task("explore", Start(start), SeeGround(share, sight))
+    def limits(self, state: TaskState) -> dict[str, float]:
+        return {"progress": state.criteria.upright}
+
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
+        """Return whether every module is upright and on the ground."""
+        has_arrived = (state.least_up > state.criteria.upright) & find_honest(state)
+        return state.confirm(has_arrived, lambda rows: find_standing(state, rows))

@@ -1,18 +1,28 @@
-"""Paths over drivable ground, for tasks in which bodies turn."""
+"""Ways over drivable ground: paths with corners for bodies that turn, and straight ways that leave it for good."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.route import Point, Route, RouteMargins
-from symbrion_gym._src.tasks.starts import Start
+from symbrion_gym._src.tasks.goals import FarEnd
+from symbrion_gym._src.tasks.route import (
+    Point,
+    Route,
+    Start,
+    StartName,
+    choose_straight_way,
+    find_ground_map,
+    find_lowest,
+    find_tail,
+)
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import Footprint
 from symbrion_gym._src.traversability.routes import (
@@ -26,7 +36,7 @@ MAX_CORNERS = 64  # Most corners of a path
 _CORNER = 0.05  # A path is simplified by no more than this [m]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PathRoute(Route):
     """A route with corners, for the middle of a body."""
 
@@ -35,32 +45,21 @@ class PathRoute(Route):
     is_place: tuple[bool, ...] = ()  # whether each of them has to be reached exactly, or only shows the way
 
 
-def find_ground_map(arena: Arena, organism: Organism) -> TraversabilityMap:
-    """Return the map of where an organism can drive, module after module along its own track."""
-    footprint = Footprint.of(organism, arena.friction)
-    return arena.traversability(replace(footprint, radius=footprint.width / 2))
-
-
 def find_path(
-    arena: Arena,
-    organism: Organism,
-    start: Start,
-    places: Sequence[Point],
-    distance: float | None = None,
-    margins: RouteMargins | None = None,
+    arena: Arena, organism: Organism, start: Start, places: Sequence[Point], distance: float | None = None
 ) -> PathRoute:
-    """Find the path from the start over drivable ground through places in turn."""
+    """Find the path from the start over drivable ground through places in turn; without any, to one that is chosen, at
+    most a distance away [m]."""
     if start.place == "pit":
         raise ArenaError("a path does not start before a pit; give start='floor' or (x, y)")
     ground = find_ground_map(arena, organism)
-    here: Place | None
+    here: Place | None = None if isinstance(start.place, str) else start.place
     heading: float | None = None
-    if not isinstance(start.place, str):
-        here = start.place
-    elif organism.num_modules > 1:
-        here, heading = find_room(ground, organism, arena.name)
-    else:
-        here = None
+    if here is None and organism.num_modules > 1:
+        here, ahead, _ = choose_straight_way(
+            ground, arena.name, find_tail(organism) + organism.scout.size[0], 0.0
+        )
+        heading = float(np.arctan2(ahead[1], ahead[0]))
     legs: list[DrivingRoute] = []
     friction = arena.find_friction(ground.positions)
     for place in places or (None,):
@@ -69,7 +68,7 @@ def find_path(
         here = leg.goal
     corners, is_place = [], []
     for leg in legs:
-        line = simplify(leg.path[:, :2])[1:]
+        line = _simplify(leg.path[:, :2])[1:]
         corners += [(float(x), float(y)) for x, y in line]
         is_place += [False] * (len(line) - 1) + [True]
     if len(corners) > MAX_CORNERS:
@@ -80,51 +79,97 @@ def find_path(
     heading = legs[0].heading if heading is None else heading
     c, n = float(np.cos(heading)), float(np.sin(heading))
     low, high = np.asarray(arena.surface.bounds, dtype=np.float64)
-    lowest = float(low[2]) - (margins or RouteMargins()).below
-    highest = float(arena.height(x, y))
     return PathRoute(
         heading=heading,
         start=c * x + n * y,
         lateral=c * y - n * x,
         finish=np.inf,
         half_width=2 * float(np.linalg.norm((high - low)[:2])) + float(np.abs([low[:2], high[:2]]).max()),
-        lowest=lowest,
-        start_height=z if highest - z > organism.scout.size[2] else None,
+        lowest=find_lowest(arena),
+        start_height=z if float(arena.height(x, y)) - z > organism.scout.size[2] else None,
         corners=tuple(corners),
         is_place=tuple(is_place),
     )
 
 
-def find_room(
-    ground: TraversabilityMap, organism: Organism, name: str = "arena"
-) -> tuple[tuple[float, float, float], float]:
-    """Return a place for the head, with room for the whole body behind it on about the longest straight way, and the
-    heading of that way [rad].
-    """
-    way = find_straight_way(ground, ground.region == 0) if ground.num_regions else None
-    tail = -min(pose.x for pose in organism.compute_poses()) + organism.scout.size[0]
-    length = 0.0 if way is None else float(np.linalg.norm((way[1] - way[0])[:2]))
-    if way is None or length < tail:
-        raise ArenaError(
-            f"arena {name!r} has no straight way of {tail:.2f} m for this body (the longest has {length:.2f} m); give "
-            "fewer modules, or a start"
-        )
-    along = (way[1] - way[0])[:2] / length
-    inside = np.flatnonzero(ground.region == 0)
-    away = np.linalg.norm(ground.positions[inside, :2] - (way[0][:2] + along * tail), axis=1)
-    x, y, z = ground.positions[inside[int(np.argmin(away))]].tolist()
-    return (x, y, z), float(np.arctan2(along[1], along[0]))
-
-
-def simplify(line: Float[np.ndarray, "W 2"]) -> Float[np.ndarray, "C 2"]:
+def _simplify(line: Float[np.ndarray, "W 2"]) -> Float[np.ndarray, "C 2"]:
     """Return the corners of a line: no point of it is farther than 5 cm from them (Douglas and Peucker 1973)."""
     if len(line) < 3:
         return line
-    ahead = line[-1] - line[0]
-    offset = line - line[0]
+    ahead, offset = line[-1] - line[0], line - line[0]
     share = np.clip(offset @ ahead / max(float(ahead @ ahead), 1e-12), 0.0, 1.0)
     away = np.linalg.norm(offset - share[:, None] * ahead, axis=1)
     worst = int(np.argmax(away))
     if away[worst] <= _CORNER:
         return line[[0, -1]]
-    return np.concatenate([simplify(line[: worst + 1])[:-1], simplify(line[worst:])])
+    return np.concatenate([_simplify(line[: worst + 1])[:-1], _simplify(line[worst:])])
+
+
+_NEAR = 0.3
+"""Drivable ground up to this far from the start, or beyond the finish, counts as reached [m]: about three modules."""
+_END_ROOM = 0.1  # Room for nose and tail at the ends of a way that is proposed [m]
+_LEAST_WAY, _MOST_WAY = 0.3, 4.0
+"""Smallest and largest length of a way that is proposed [m]; robots drive at 0.1 m/s, so that trials take 40 s."""
+
+Pair = tuple[tuple[float, float], tuple[float, float]]  # (x, y) of a start and of a goal [m]
+
+
+class BrokenWay(NamedTuple):
+    """A way whose start and finish no drivable ground connects."""
+
+    start: tuple[float, float]  # (x, y) of the head [m]
+    finish: tuple[float, float]  # (x, y) that every module has to pass [m]
+    # start and goal of a straight way that can be driven, inside the largest region; None without one
+    other: Pair | None
+
+
+def find_broken_traverse(
+    arena: Arena,
+    smallest: Organism,
+    largest: Organism,
+    start: StartName | Point = "floor",
+    goal: Point | None = None,
+) -> BrokenWay | None:
+    """Return the way of the task "traverse" if it leaves drivable ground for good; None where it does not.
+
+    Ground counts as drivable as in `Arena.traversability`, for a body that need not turn on the spot. Its limits are
+    those that bodies are known to climb wherever they meet them: learned ones may climb more, straight on.
+    """
+    route = FarEnd(goal).find(arena, smallest, Start(start))
+    ground = find_ground_map(arena, largest)
+    begin, finish = (_find_regions(ground, route, s) for s in (route.start, route.finish))
+    if np.intersect1d(begin, finish).size:
+        return None
+    first, last = (_round(route.place(s)) for s in (route.start, route.finish))
+    return BrokenWay(first, last, propose_way(arena, largest))
+
+
+def _find_regions(ground: TraversabilityMap, route: Route, s: float) -> Int[np.ndarray, " N"]:
+    """Return the drivable regions on the way near a position along it [m]."""
+    drivable = np.flatnonzero(ground.is_drivable)
+    c, n = route.direction
+    x, y = ground.positions[drivable, :2].T
+    along, left = c * x + n * y, c * y - n * x - route.lateral
+    is_near = (np.abs(along - s) <= _NEAR) & (np.abs(left) <= max(route.half_width, _NEAR))
+    return np.unique(ground.region[drivable[is_near]])
+
+
+def propose_way(arena: Arena, body: Organism) -> Pair | None:
+    """Return start and goal of a straight way that a body can drive, about as far apart as the largest region allows,
+    with room for a row behind the start; None without one."""
+    ground = find_ground_map(arena, body)
+    way = find_straight_way(ground, ground.region == 0)
+    if way is None:
+        return None
+    back, end = way[0][:2], way[1][:2]
+    reach = float(np.linalg.norm(end - back))
+    tail = min(Footprint.of(body).length + _END_ROOM, reach / 2)
+    if reach - tail - _END_ROOM < _LEAST_WAY:
+        return None
+    ahead = (end - back) / reach
+    return _round(back + tail * ahead), _round(back + min(reach - _END_ROOM, tail + _MOST_WAY) * ahead)
+
+
+def _round(place: tuple[float, float] | Float[np.ndarray, " 2"]) -> tuple[float, float]:
+    x, y = (round(float(value), 2) + 0.0 for value in place)
+    return x, y

@@ -1,9 +1,8 @@
-"""The goal of reaching a place, or several in turn."""
+"""Goals at places on drivable ground: to reach several in turn, to stand before a known object, to dock at one."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,12 @@ from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.range_checks import check_positive
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.arenas.placed_objects import find_object
+from symbrion_gym._src.errors import ArenaError, TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.goals import compute_size, find_honest, find_standing
+from symbrion_gym._src.tasks.goals import find_honest, find_standing
 from symbrion_gym._src.tasks.paths import MAX_CORNERS, PathRoute, find_path
-from symbrion_gym._src.tasks.route import Point, Route
-from symbrion_gym._src.tasks.starts import Start
+from symbrion_gym._src.tasks.route import Point, Route, Start
 from symbrion_gym._src.tasks.state import TaskState
 
 _ROOM = 0.5
@@ -45,127 +44,219 @@ class ReachPlaces:
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> PathRoute:
         """Find the path on the map; see `symbrion_gym._src.tasks.paths.find_path`."""
-        least = self._find_least(organism)
+        tolerance = self.find_tolerance(organism)
+        least = tolerance + _ROOM * organism.scout.size[0]
         if self.distance is not None and self.distance < least:
             raise TaskError(
-                f"the distance {self.distance:g} m is too short, as within {self._measure_tolerance(organism):.2f} m "
-                f"the place counts as reached; give at least {least:.2f} m, or a smaller tolerance"
+                f"the distance {self.distance:g} m is too short, as within {tolerance:.2f} m the place counts as "
+                f"reached; give at least {least:.2f} m, or a smaller tolerance"
             )
         path = find_path(arena, organism, start, self.places, self.distance)
-        self._refuse_near_places(path, organism)
-        return path
-
-    def _measure_tolerance(self, organism: Organism) -> float:
-        return organism.scout.size[0] if self.tolerance is None else self.tolerance
-
-    def _find_least(self, organism: Organism) -> float:
-        """Return how far from the middle of the body the goal has to be at the start [m]."""
-        return self._measure_tolerance(organism) + _ROOM * organism.scout.size[0]
-
-    def _refuse_near_places(self, path: PathRoute, organism: Organism) -> None:
-        least, tolerance = self._find_least(organism), self._measure_tolerance(organism)
         middle = np.mean([(pose.x, pose.y) for pose in organism.compute_poses()], axis=0)
-        start = np.array(path.place(path.start + middle[0], middle[1]))
-        places = np.array(
-            [corner for corner, exact in zip(path.corners, path.is_place, strict=True) if exact]
-        )
-        away = float(np.linalg.norm(places - start, axis=1).max())
+        begin = np.array(path.place(path.start + middle[0], middle[1]))
+        places = np.array(path.corners)[list(path.is_place)]
+        away = float(np.linalg.norm(places - begin, axis=1).max())
         if away < least:
             x, y = places[-1].tolist()
             raise TaskError(
                 f"the goal ({x:.2f}, {y:.2f}) is {away:.2f} m from the middle of the body at the start, and counts as "
                 f"reached within {tolerance:.2f} m; give one at least {least:.2f} m away, or a smaller tolerance"
             )
+        return path
+
+    def find_tolerance(self, organism: Organism) -> float:
+        """Return how near a place is reached [m]."""
+        return organism.scout.size[0] if self.tolerance is None else self.tolerance
 
     def list_places(
         self, route: Route, length: float
     ) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
-        """Return the corners and places of a way in turn, and how near each is passed [m]."""
-        path, tolerance = _read_path(route), length if self.tolerance is None else self.tolerance
+        """Return the corners and places of a way in turn, and how near each is passed [m], by a module's length."""
+        assert isinstance(route, PathRoute)
+        tolerance = length if self.tolerance is None else self.tolerance
         loose = max(_PASSING * length, tolerance)
-        return np.array(path.corners), np.array([tolerance if exact else loose for exact in path.is_place])
+        return np.array(route.corners), np.array([tolerance if exact else loose for exact in route.is_place])
 
-    def _find_tolerance(self, state: TaskState) -> float:
-        return self._measure_tolerance(state.organism)
+    def _recall(self, state: TaskState) -> tuple[Any, Any, Any, Any]:
+        """Return corners `[N, C, 2]`, how near they are passed [m] `[N, C]`, the way from each to the end [m], and the
+        number of the one that each body heads for."""
+        path = state.remember("reach_path", self._list_paths)
+        return path[:, :, :2], path[:, :, 2], path[:, :, 3], state.remember("reach_number", 0)
+
+    def _list_paths(self, state: TaskState) -> Float[np.ndarray, "N C 4"]:
+        """Return the paths, the last corner repeated to `MAX_CORNERS`, so that those of all simulations fit into one
+        array."""
+        paths, length = np.zeros((state.num, MAX_CORNERS, 4)), state.organism.scout.size[0]
+        for path, scene in zip(paths, state.scenes, strict=True):
+            corners, radii = self.list_places(scene.route, length)
+            number = np.minimum(np.arange(MAX_CORNERS), len(corners) - 1)
+            path[:, :2], path[:, 2] = corners[number], radii[number]
+            legs = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
+            path[:-1, 3] = np.cumsum(legs[::-1])[::-1]
+        return paths
 
     def find_target(self, state: TaskState) -> Float[Any, "N 2"]:
         """Return (x, y) of the corner or place that each body heads for [m]."""
-        corners, _, _ = self._recall(state)
-        number = state.remember("reach_number", 0)
+        corners, _, _, number = self._recall(state)
         return corners[np.arange(state.num), number]
 
-    def distance_left(self, state: TaskState) -> Float[Any, " N"]:
-        """Return the way from the middle of each body along the path to its end [m]; corners that were passed count."""
-        corners, rest, radius = self._recall(state)
-        number, rows = state.remember("reach_number", 0), np.arange(state.num)
+    def progress(self, state: TaskState) -> Float[Any, " N"]:
+        """Return the way from the middle of each body along the path to its end, below 0 [m]; corners that were passed
+        count."""
+        corners, radius, rest, number = self._recall(state)
+        rows = np.arange(state.num)
         gap = state.xp.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
         passes = (gap <= radius[rows, number]) & (rest[rows, number] > 0.0)
         if state.may_hold(passes):
             state.keep("reach_number", number + 1, passes)
             number = state.remember("reach_number", 0)
             gap = state.xp.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
-        return gap + rest[rows, number]
-
-    def distance_to_goal(self, state: TaskState) -> Float[Any, " N"]:
-        """Return the way that is left [m]."""
-        return -state.progress
-
-    def progress(self, state: TaskState) -> Float[Any, " N"]:
-        """Return the way that is left, below 0 [m]."""
-        return -self.distance_left(state)
+        return -(gap + rest[rows, number])
 
     def limits(self, state: TaskState) -> dict[str, float]:
-        """Return the limits within which no body has arrived."""
-        return {"progress": -self._find_tolerance(state)}
+        return {"progress": -self.find_tolerance(state.organism)}
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether the middle is at the last place, every module about it, upright and on the ground."""
-        corners, _, _ = self._recall(state)
-        tolerance = self._find_tolerance(state)
+        corners, tolerance = self._recall(state)[0], self.find_tolerance(state.organism)
 
         def is_about(rows: Int[Any, " M"]) -> Bool[Any, " M"]:
             offset = state.position[rows, :, :2] - corners[rows, -1][:, None]
             away = state.xp.linalg.norm(offset, axis=2).max(axis=1)
-            return (away <= tolerance + compute_size(state)) & find_standing(state, rows)
+            return (away <= tolerance + _compute_size(state.organism)) & find_standing(state, rows)
 
         has_arrived = (state.progress >= -tolerance) & find_honest(state)
         return state.confirm(has_arrived, is_about)
 
-    def _list_radii(self, state: TaskState) -> Float[np.ndarray, "N C"]:
-        length = state.organism.scout.size[0]
-        return np.array(
-            [_repeat_last(self.list_places(scene.route, length)[1].tolist()) for scene in state.scenes]
-        )
 
-    def _recall(self, state: TaskState) -> tuple[Any, Any, Any]:
-        """Return corners `[N, C, 2]`, the way from each to the end [m] `[N, C]`, and how near they are passed [m]."""
-        return (
-            state.remember("reach_corners", _list_corners),
-            state.remember("reach_rest", lambda state: _measure_rest(_list_corners(state))),
-            state.remember("reach_radius", self._list_radii),
-        )
+def _compute_size(organism: Organism) -> float:
+    """Return the distance of the farthest module from the middle of the body when it lies straight [m]."""
+    places = np.array([(pose.x, pose.y) for pose in organism.compute_poses()])
+    return float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
 
 
-def _list_corners(state: TaskState) -> Float[np.ndarray, "N C 2"]:
-    """Return the corners of each path; the last is repeated to `MAX_CORNERS`."""
-    return np.array([_repeat_last(_read_path(scene.route).corners) for scene in state.scenes])
+_STEP = 0.04  # Places before an object are tried this far apart [m]
+_NEAREST = 0.03  # The first of them leaves this much room between object and front dock [m]
+DOCK_TOLERANCE = 0.03  # Distance of a dock from the middle of an object's front, unless it is given [m]
 
 
-def _read_path(route: Route) -> PathRoute:
-    if not isinstance(route, PathRoute):
-        raise TaskError(
-            "this goal needs a route with corners, as `symbrion_gym._src.tasks.paths.find_path` makes it"
-        )
-    return route
+@dataclass(frozen=True, kw_only=True)
+class ObjectRoute(PathRoute):
+    """A path to the front of an object."""
+
+    face: tuple[float, float]  # (x, y) of the middle of its front [m]
+    front: tuple[float, float]  # (x, y) of the direction in which the front points, of length 1
 
 
-def _repeat_last(values: Sequence[Any]) -> list[Any]:
-    """Return as many values for every path, so that simulations with others fit into one array."""
-    return [*values, *[values[-1]] * (MAX_CORNERS - len(values))]
+@dataclass(frozen=True)
+class ReachObject(ReachPlaces):
+    """Bring the body before an object, the head within a body length of its front and turned to it.
+
+    Raises:
+        TaskError: a number is not above 0, or there is no name.
+    """
+
+    site: str = ""  # name of the object's site, as `object_socket_0`, or of its kind where there is one of it
+    # largest angle between the head and the direction of the object [rad]
+    max_angle: float = float(np.deg2rad(45.0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_positive(self, ("max_angle",), TaskError)
+        if not isinstance(self.site, str) or not self.site:
+            raise TaskError(f"an object is named as object_socket_0, got {self.site!r}")
+
+    def find(self, arena: Arena, organism: Organism, start: Start) -> ObjectRoute:
+        """Find the path to the place nearest to the front of the object that can be driven to."""
+        each = find_object(arena.objects, self.site)
+        face = each.position[:2] + each.reach * each.front
+        error: ArenaError | None = None
+        for gap in np.arange(_NEAREST, compute_length(organism), _STEP):
+            place = face + each.front * (_compute_ahead(organism) + gap)
+            try:
+                path = find_path(arena, organism, start, (*self.places, tuple(place.tolist())))
+            except ArenaError as problem:
+                error = error or problem
+                continue
+            return ObjectRoute(**vars(path), face=_as_pair(face), front=_as_pair(each.front))
+        raise ArenaError(f"no way to the front of {self.site!r}: {error}")
+
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
+        """Return whether the body is at the place, the head near the object and turned to it."""
+        offset, xp = _find_fronts(state)[0] - state.position[:, 0, :2], state.xp
+        away = xp.linalg.norm(offset, axis=1)
+        ahead = state.rotation[:, 0, 0:4:3]
+        along = (offset * ahead).sum(axis=1)
+        size = xp.maximum(away * xp.linalg.norm(ahead, axis=1), 1e-9)
+        faces = (along >= np.cos(self.max_angle) * size) & (away <= compute_length(state.organism))
+        return super().has_arrived(state) & faces
 
 
-def _measure_rest(corners: Float[np.ndarray, "N C 2"]) -> Float[np.ndarray, "N C"]:
-    legs = np.linalg.norm(np.diff(corners, axis=1), axis=2)
-    rest = np.zeros(corners.shape[:2])
-    rest[:, :-1] = np.cumsum(legs[:, ::-1], axis=1)[:, ::-1]
-    return rest
+@dataclass(frozen=True)
+class DockAtObject(ReachObject):
+    """Bring the front dock of the head to the front of an object, aligned with it.
+
+    The tolerance is that of the dock, ahead and to the side.
+
+    Attributes:
+        tolerance: distance of the dock from the middle of the front [m]; None for 3 cm.
+        max_angle: largest angle between the head and the front of the object [rad].
+    """
+
+    max_angle: float = float(np.deg2rad(10.0))
+
+    def find(self, arena: Arena, organism: Organism, start: Start) -> ObjectRoute:
+        """Find the path to a place before the object, and from there straight on until the dock meets its front."""
+        route = super().find(arena, organism, start)
+        last = np.array(route.face) + np.array(route.front) * _compute_ahead(organism)
+        if len(route.corners) >= MAX_CORNERS:
+            raise ArenaError(f"the path to {self.site!r} has too many corners; give a start that is nearer")
+        is_place = (*route.is_place[:-1], False, True)
+        return replace(route, corners=(*route.corners, _as_pair(last)), is_place=is_place)
+
+    def find_tolerance(self, organism: Organism) -> float:
+        """Return the tolerance of the dock [m]."""
+        return DOCK_TOLERANCE if self.tolerance is None else self.tolerance
+
+    def limits(self, state: TaskState) -> dict[str, float]:
+        size = 2 * _compute_size(state.organism) + state.organism.scout.arm_reach
+        return {"progress": -(self.find_tolerance(state.organism) + size)}
+
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
+        """Return whether the dock is at the front, aligned, every module upright and on the ground."""
+        face, front = _find_fronts(state)
+        xp, ahead = state.xp, state.rotation[:, 0, 0:4:3]
+        offset = state.position[:, 0, :2] + state.organism.scout.arm_reach * ahead - face
+        gap = (offset * front).sum(axis=1)
+        side = offset[:, 0] * front[:, 1] - offset[:, 1] * front[:, 0]
+        facing = -(ahead * front).sum(axis=1) / xp.maximum(xp.linalg.norm(ahead, axis=1), 1e-9)
+        near = xp.maximum(xp.abs(gap), xp.abs(side)) <= self.find_tolerance(state.organism)
+        has_arrived = near & (facing >= np.cos(self.max_angle)) & find_honest(state)
+        return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
+
+
+def _as_pair(place: Float[np.ndarray, " 2"]) -> tuple[float, float]:
+    return float(place[0]), float(place[1])
+
+
+def compute_length(organism: Organism) -> float:
+    """Return the length of a straight body, from the tail to its front dock [m]."""
+    x = [pose.x for pose in organism.compute_poses()]
+    return float(max(x) - min(x)) + organism.scout.dock_reach + organism.scout.arm_reach
+
+
+def _compute_ahead(organism: Organism) -> float:
+    """Return how far the front dock of a straight body is ahead of its middle [m]."""
+    x = [pose.x for pose in organism.compute_poses()]
+    return organism.scout.arm_reach + x[0] - float(np.mean(x))
+
+
+def _find_fronts(state: TaskState) -> tuple[Float[Any, "N 2"], Float[Any, "N 2"]]:
+    """Return the middle of the front [m] and its direction, of the object of each simulation."""
+    fronts = state.remember("object_front", _list_fronts)
+    return fronts[:, 0], fronts[:, 1]
+
+
+def _list_fronts(state: TaskState) -> Float[np.ndarray, "N 2 2"]:
+    routes: list[Any] = [scene.route for scene in state.scenes]
+    return np.array([(route.face, route.front) for route in routes])

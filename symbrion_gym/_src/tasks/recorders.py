@@ -35,25 +35,13 @@ class FinalPose:
 
     def record(self, state: TaskState, active: Bool[np.ndarray, " N"]) -> None:
         """Keep the pose, as the physics goes on to the next episode."""
-        position = state.remember("final_position", _find_start_position)
-        rotation = state.remember("final_rotation", _compute_rotation)
-        position[active], rotation[active] = state.position[active], state.rotation[active]
+        state.remember("final_position", lambda state: state.position)[active] = state.position[active]
+        state.remember("final_rotation", lambda state: state.rotation)[active] = state.rotation[active]
 
     def read(self, state: TaskState, row: int) -> dict[str, Any]:
         """Return the pose."""
-        rotation = state.memory["final_rotation"][row].reshape(-1, 3, 3)
-        return {
-            "final_position": state.memory["final_position"][row].copy(),
-            "final_rotation": rotation.copy(),
-        }
-
-
-def _find_start_position(state: TaskState) -> np.ndarray:
-    return state.start_position
-
-
-def _compute_rotation(state: TaskState) -> np.ndarray:
-    return state.rotation
+        position, rotation = state.memory["final_position"][row], state.memory["final_rotation"][row]
+        return {"final_position": position.copy(), "final_rotation": rotation.reshape(-1, 3, 3).copy()}
 
 
 @dataclass(frozen=True)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.checked_terms import check_function
 from symbrion_gym._src.tasks.route import Route, SuccessCriteria
-from symbrion_gym._src.tasks.scene import HostArrays, Scene
 
 UPPER_MEASURES = ("progress", "way", "tick", "rear")
 LOWER_MEASURES = ("least_left", "lowest", "least_up", "least_right")
@@ -27,12 +27,82 @@ _add_up = np.add.accumulate
 Initial: TypeAlias = "float | np.ndarray | Callable[[TaskState], np.ndarray]"
 
 
-class Progressing(Protocol):
-    """A goal, as far as the state needs it."""
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """An arena with the way of a task through it, and who is in it: what a simulation takes place in."""
 
-    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
-        """Return how far each body has come."""
-        ...
+    arena: Arena  # arena of the simulation
+    organism: Organism  # organism in it
+    route: Route  # the way to go
+    map_route: Route  # the way on the robot's map, which `stretch` does not change
+
+    @property
+    def is_along_x(self) -> bool:
+        """Whether the way runs along x, in the middle."""
+        return self.route.heading == 0.0 and self.route.lateral == 0.0
+
+    @property
+    def start_on_map(self) -> float:
+        """Start on the robot's map, from the middle of the pit, if there is one [m]."""
+        near, far, _ = self.map_route.pit or (0.0, 0.0, 0.0)
+        return self.map_route.start - (near + far) / 2
+
+    def find_ground(
+        self, x: Float[np.ndarray, " P"], y: Float[np.ndarray, " P"], z: Float[np.ndarray, " P"]
+    ) -> Float[np.ndarray, " P"]:
+        """Return the height of the ground: the surface, or below a ceiling its highest part beneath the places [m]."""
+        if self.route.start_height is None:
+            return self.arena.height(x, y)
+        return self.arena.elevation.height_below(x, y, z)
+
+
+class HostArrays:
+    """The answers of NumPy; those of JAX are in `symbrion_gym._src.environment.warp.device.state`.
+
+    A term that uses operators, methods of arrays, the functions of `xp`, and these methods runs on both. On a device
+    all simulations are computed at once: whatever looks at values (`if`, `np.flatnonzero`) belongs in here.
+    """
+
+    xp: Any = np  # namespace of the arrays, here NumPy
+    memory: dict[str, np.ndarray]  # what terms remember, name -> `[N, ...]`
+    scenes: list[Scene]  # arena and way of each simulation
+
+    def may_hold(self, mask: Bool[np.ndarray, " N"]) -> bool:
+        """Return whether something is so in any simulation; on a device True, as looking would take time."""
+        return bool(np.count_nonzero(mask))
+
+    def confirm(
+        self,
+        mask: Bool[np.ndarray, " M"],
+        find: Callable[[Int[np.ndarray, " K"]], Bool[np.ndarray, " K"]],
+    ) -> Bool[np.ndarray, " M"]:
+        """Return where something is so and something else as well, which is looked for only there."""
+        rows = np.flatnonzero(mask)
+        if len(rows):
+            mask[rows] = find(rows)
+        return mask
+
+    def keep(self, name: str, values: np.ndarray, where: Bool[np.ndarray, " N"]) -> None:
+        """Change what a term remembers in some simulations; see `TaskState.remember`."""
+        np.copyto(self.memory[name], values, where=where)
+
+    def group(self, mask: Bool[np.ndarray, " N"]) -> Iterator[tuple[Scene, Int[np.ndarray, " M"]]]:
+        """Yield each scene in which something is so, and in which of its simulations; on a device all of them."""
+        rows = np.flatnonzero(mask)
+        for members in self._group_rows(rows):
+            yield self.scenes[rows[members[0]]], rows[members]
+
+    def _group_rows(self, rows: Int[np.ndarray, " M"]) -> list[list[int]]:
+        """Return the indices of simulations in the same scene, of those in `rows`."""
+        groups: dict[int, list[int]] = {}
+        for index, row in enumerate(rows.tolist()):
+            groups.setdefault(id(self.scenes[row]), []).append(index)
+        return list(groups.values())
+
+    def write(self, name: str, place: Any, values: Any, where: Bool[np.ndarray, " N"]) -> None:
+        """Change entries of what a term remembers, in simulations that `group` yielded."""
+        del where
+        self.memory[name][place] = values
 
 
 class Views(NamedTuple):
@@ -52,6 +122,8 @@ class TaskState(HostArrays):
         position: `[N, n, 3]` centers of the modules [m].
         rotation: `[N, n, 9]` their rotation matrices, row by row.
         up: `[N, n]` z of their up axes.
+        along: `[N, n]` how far along the way each module is [m].
+        left: `[N, n]` how far left of the way's middle each module is [m].
         qvel: `[N, nv]` generalized velocities.
         hinge_rate: `[N, h]` [rad/s].
         torque: `[N, h]` torque of the hinges [N m].
@@ -61,6 +133,7 @@ class TaskState(HostArrays):
         previous_progress: `[N]` that of the tick before.
         start_progress: `[N]` that at the start.
         start_position: `[N, n, 3]` positions at the start [m].
+        start_mean: `[N]` mean position of the modules along the way at the start [m].
         way: `[N]` progress along a straight way; else the distance of the middle of the body from its start, in plan
             [m].
         start_way: `[N]` that at the start.
@@ -89,44 +162,39 @@ class TaskState(HostArrays):
     def __init__(
         self,
         scene: Scene,
-        goal: Progressing,
+        goal: Any,
         num: int,
         dt: float,
-        criteria: SuccessCriteria,
         action: Float[np.ndarray, "N A"],
     ) -> None:
         count = scene.organism.num_modules
-        self.num, self.dt, self.criteria, self.action, self._goal = num, dt, criteria, action, goal
+        self.num, self.dt, self.action, self._goal = num, dt, action, goal
+        self.criteria = SuccessCriteria.of(scene.organism.scout)
         self._compute_progress = check_function(f"progress of {type(goal).__name__}", goal.progress)
+        self._is_straight = getattr(goal, "is_straight", False)
         self.scenes: list[Scene] = [scene] * num
         self.measures = np.zeros((len(MEASURES), num))
         self.progress, self.way, self.tick, self.rear = self.measures[: _REAR + 1]
-        self._progress_and_way = self.measures[:2]
-        self._is_straight = getattr(goal, "is_straight", False)
         self.least_left, self.lowest, self.least_up, self.least_right = self.measures[_REAR + 1 :]
-        self._least = self.measures[_REAR:]
+        self._progress_and_way, self._least = self.measures[:2], self.measures[_REAR:]
+        # Of each module how far along and left of the way, its height, the z of its up axis, and how far right.
         places = np.zeros((5, count, num))
         self._places, self._firsts = places.reshape(5 * count, num), np.arange(0, 5 * count, count)
         self._coordinates = places[:3].transpose(2, 1, 0)
         self._ahead, self._beside, _, up, self._right = places
         self._up = up.T
-        self._share = np.full(num, 1.0 / count)
-        self.mean_to_finish = np.zeros(num)
-        self.previous_progress, self.start_progress, self.start_way, self.track_speed = np.zeros((4, num))
-        self.was_ahead = np.zeros(num, dtype=bool)
-        self.start_position = np.zeros((num, count, 3))
-        self.start_mean = np.zeros(num)
-        self.finish, self.half_width, self.deepest = np.zeros((3, num))
+        self._share, self._ones, self.mean_to_finish = np.full(num, 1.0 / count), np.ones(num), np.zeros(num)
+        self.previous_progress, self.start_progress, self.start_way, self.start_mean = np.zeros((4, num))
+        self.finish, self.half_width, self.deepest, self.track_speed = np.zeros((4, num))
+        self.start_position, self._turned = np.zeros((2, num, count, 3))
         self._finish_of_each = np.zeros((count, num))
-        self._ones = np.ones(num)
         self.is_sound = np.ones(num, dtype=bool)
-        self.success, self.failed = np.zeros((2, num), dtype=bool)
+        self.success, self.failed, self.was_ahead = np.zeros((3, num), dtype=bool)
         self.memory: dict[str, np.ndarray] = {}
         self._initial: dict[str, Initial] = {}
         self._cache: dict[str, Any] = {}
         self._direction = np.zeros((3, num, 1))
         self._is_along_x = self._was_sound = True
-        self._local = np.zeros((num, count, 3))
 
     def bind(self, views: Views) -> None:
         """Read from the physics of this moment, or from views of it that stay valid as it goes on."""
@@ -140,8 +208,8 @@ class TaskState(HostArrays):
         self._find_local()
 
     def _find_local(self) -> None:
-        self.local = self.position if self._is_along_x else self._local
-        self._along, self._left = self.local[:, :, 0], self.local[:, :, 1]
+        self._local = self.position if self._is_along_x else self._turned
+        self.along, self.left = self._local[:, :, 0], self._local[:, :, 1]
 
     def begin(self, rows: Sequence[int], scenes: Sequence[Scene], track_speed: Sequence[float]) -> None:
         """Start episodes in some simulations, from the present physics."""
@@ -162,13 +230,12 @@ class TaskState(HostArrays):
         self.success[rows] = self.failed[rows] = self.was_ahead[rows] = False
         self.is_sound[rows] = True
         self.start_position[rows] = self.position[rows]
-        kept = self.progress.copy(), self.previous_progress.copy()
+        progress = self.progress.copy()
         self._forget(rows)
         self.measure()
-        for now, before in zip((self.progress, self.previous_progress), kept, strict=True):
-            before[rows] = self.progress[rows]
-            now[:] = before
-        self.start_progress[rows] = self.progress[rows]
+        progress[rows] = self.progress[rows]
+        self.progress[:] = progress
+        self.previous_progress[rows] = self.start_progress[rows] = progress[rows]
         self.start_way[rows] = self.way[rows]
         self.start_mean[rows] = self.compute_mean_along()[rows]
         self._forget(rows)
@@ -201,8 +268,11 @@ class TaskState(HostArrays):
         if self._cache:
             self._cache.clear()
         if not self._is_along_x:
-            self._turn()
-        self._coordinates[...] = self.local
+            (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]
+            self._turned[:, :, 0] = c * x + s * y
+            self._turned[:, :, 1] = c * y - s * x - lateral
+            self._turned[:, :, 2] = self.position[:, :, 2]
+        self._coordinates[...] = self._local
         self._up[...] = self.up
         np.negative(self._beside, self._right)
         _find_least(self._places, self._firsts, 0, None, self._least)
@@ -224,7 +294,8 @@ class TaskState(HostArrays):
         return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
 
     def note_lead(self) -> Float[np.ndarray, " N"]:
-        """Remember the bodies that are farther ahead of their tracks than a fall explains.
+        """Remember the bodies that are farther ahead of their tracks than a fall explains; return the way at which
+        each is to be looked at again [m].
 
         Beyond the way of its tracks a body slides, pulled by what hangs: where modules have followed the head over an
         edge, their mean is h below the highest of the body, and this loss of height pays for the work of friction over
@@ -235,15 +306,8 @@ class TaskState(HostArrays):
             height = self.position[:, :, 2]
             hang = height.max(axis=1) - add_up(height) * (1.0 / height.shape[1])
             self.was_ahead |= self.way > pace + self.criteria.fall_lead * hang
-        if np.count_nonzero(self.was_ahead):
-            pace[self.was_ahead] = np.inf
+        pace[self.was_ahead] = np.inf
         return pace
-
-    def _turn(self) -> None:
-        (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]
-        self._local[:, :, 0] = c * x + s * y
-        self._local[:, :, 1] = c * y - s * x - lateral
-        self._local[:, :, 2] = self.position[:, :, 2]
 
     def remember(self, name: str, initial: Initial) -> np.ndarray:
         """Return an array `[N, ...]` that a term may change; in each simulation it begins again with the episode."""
@@ -254,22 +318,6 @@ class TaskState(HostArrays):
             self._initial[name] = initial
         return self.memory[name]
 
-    def _once(self, name: str, compute: Callable[[], np.ndarray]) -> np.ndarray:
-        """Return what is computed at most once a tick."""
-        if name not in self._cache:
-            self._cache[name] = compute()
-        return self._cache[name]
-
-    @property
-    def along(self) -> Float[np.ndarray, "N n"]:
-        """How far along the way each module is [m]."""
-        return self._along
-
-    @property
-    def left(self) -> Float[np.ndarray, "N n"]:
-        """How far left of the way's middle each module is [m]."""
-        return self._left
-
     @property
     def time(self) -> Float[np.ndarray, " N"]:
         """Time since the start [s]."""
@@ -278,13 +326,16 @@ class TaskState(HostArrays):
     @property
     def height(self) -> Float[np.ndarray, "N n"]:
         """Height of each module's center above the ground [m]; NaN where there is none."""
-        return self._once("height", lambda: self.compute_height(np.arange(self.num)))
+        if "height" not in self._cache:
+            self._cache["height"] = self.compute_height(np.arange(self.num))
+        return self._cache["height"]
 
     @property
-    def goal_distance(self) -> Float[np.ndarray, " N"]:
-        """Way that is left to the goal [m]."""
-        distance = getattr(self._goal, "distance_to_goal", None)
-        return np.maximum(self.finish - self.rear, 0.0) if distance is None else distance(self)
+    def middle(self) -> Float[np.ndarray, "N 3"]:
+        """Mean position of the modules [m]."""
+        if "middle" not in self._cache:
+            self._cache["middle"] = self.position.mean(axis=1)
+        return self._cache["middle"]
 
     @property
     def target(self) -> Float[np.ndarray, "N 2"]:
@@ -296,40 +347,47 @@ class TaskState(HostArrays):
         return np.column_stack([c * self.finish - s * lateral, s * self.finish + c * lateral])
 
     @property
-    def middle(self) -> Float[np.ndarray, "N 3"]:
-        """Mean position of the modules [m]."""
-        return self._once("middle", lambda: self.position.mean(axis=1))
-
-    @property
-    def arena(self) -> Arena:
-        """Arena of the first simulation; `scenes` has all."""
-        return self.scenes[0].arena
-
-    @property
     def organism(self) -> Organism:
         """Organism of all simulations."""
         return self.scenes[0].organism
 
-    @property
-    def route(self) -> Route:
-        """Way of the first simulation; `scenes` has all."""
-        return self.scenes[0].route
-
     def compute_mean_along(self) -> Float[np.ndarray, " N"]:
         """Return the mean position of the modules along the way [m]."""
-        return add_up(self._along) * (1.0 / self._along.shape[1])
+        return add_up(self.along) * (1.0 / self.along.shape[1])
 
     def compute_height(self, rows: Int[np.ndarray, " M"]) -> Float[np.ndarray, "M n"]:
         """Return `height` of some simulations alone, as looking for the ground is slow."""
         heights = np.empty((len(rows), self.position.shape[1]))
-        groups: dict[int, list[int]] = {}
-        for index, row in enumerate(rows):
-            groups.setdefault(id(self.scenes[row]), []).append(index)
-        for members in groups.values():
-            scene, places = self.scenes[rows[members[0]]], self.position[rows[members]]
-            x, y, z = places.reshape(-1, 3).T
-            heights[members] = (z - scene.find_ground(x, y, z)).reshape(len(members), -1)
+        for members in self._group_rows(rows):
+            x, y, z = self.position[rows[members]].reshape(-1, 3).T
+            ground = self.scenes[rows[members[0]]].find_ground(x, y, z)
+            heights[members] = (z - ground).reshape(len(members), -1)
         return heights
+
+
+_OURS = f"{__name__.partition('.')[0]}."
+"""Functions of this package return what they should, and are called without a check, which saves time."""
+
+
+def check_function(what: str, function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function of a task as it is, or with a check of the shape that it returns if a user wrote it."""
+    plain = getattr(function, "__func__", function)
+    named = plain if hasattr(plain, "__qualname__") else type(plain).__call__
+    if str(getattr(named, "__module__", "")).startswith(_OURS):
+        return function
+
+    def call(state: TaskState) -> Any:
+        value = function(state)
+        shape, is_number = np.shape(value), np.asarray(value).dtype.kind in "biuf"
+        if shape != (state.num,) or not is_number:
+            found = f"an array of shape {shape}" if is_number else f"{value!r}"
+            raise TaskError(
+                f"{what} returned {found}; one number or truth value for each of {state.num} simulations, an array of "
+                f"shape ({state.num},), is needed"
+            )
+        return value
+
+    return call
 
 
 def add_up(values: Float[Any, "N n"]) -> Float[Any, " N"]:

@@ -19,14 +19,13 @@ from symbrion_gym._src.errors import TaskError
 
 KNOWN_ROOMS = ("symbrion_gym._src.tasks",)
 """Where the tasks, goals, terms and recorders of this project are defined."""
-_PLAIN = (str, int, float, bool, type(None))
 
 
 def describe(value: Any) -> Any:
     """Return JSON content from which `restore` makes an equal value."""
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, _PLAIN):
+    if value is None or isinstance(value, str | int | float | bool):
         return value
     if isinstance(value, tuple | list):
         return [describe(each) for each in value]
@@ -49,21 +48,21 @@ def restore(content: Any, allow: Collection[str] = ()) -> Any:
         return tuple(restore(each, allow) for each in content)
     if not isinstance(content, dict):
         return content
+    is_value = "type" in content
     name = content.get("type", content.get("function"))
-    found = _find_kind(name, allow)
-    fields = content.get("fields" if "type" in content else "keywords", {})
-    if not isinstance(fields, dict):
-        raise TaskError(f"{name}: its fields are {fields!r}; an object is needed")
+    found = _find_known(name, allow)
+    given = content.get("fields" if is_value else "keywords", {})
+    if not isinstance(given, dict):
+        raise TaskError(f"{name}: its fields are {given!r}; an object is needed")
+    if is_value and not isinstance(found, type):
+        raise TaskError(f"{name!r} is no dataclass, so that nothing is made of it")
+    if not is_value and "keywords" not in content:
+        return found
     try:
-        if "type" in content:
-            if not isinstance(found, type):
-                raise TaskError(f"{name!r} is no dataclass, so that nothing is made of it")
-            return found(**{key: restore(each, allow) for key, each in fields.items()})
-        if "keywords" in content:
-            return functools.partial(found, **{key: restore(each, allow) for key, each in fields.items()})
+        keywords = {key: restore(each, allow) for key, each in given.items()}
+        return found(**keywords) if is_value else functools.partial(found, **keywords)
     except TypeError as error:
         raise TaskError(f"{name} does not take what was stored: {error}") from error
-    return found
 
 
 def _find_name(value: Any) -> str:
@@ -74,10 +73,11 @@ def _find_name(value: Any) -> str:
             f"{value!r} cannot be restored in another process; define it by `def` or `class` at the top of a module "
             "that can be imported"
         )
-    path = f"{module}:{name}"
-    if _find(path) is not value:
-        raise TaskError(f"{path} is something else than {value!r}; give each function a name of its own")
-    return path
+    if _find(module, name) is not value:
+        raise TaskError(
+            f"{module}:{name} is something else than {value!r}; give each function a name of its own"
+        )
+    return f"{module}:{name}"
 
 
 def is_allowed(module: str, allow: Collection[str]) -> bool:
@@ -85,31 +85,28 @@ def is_allowed(module: str, allow: Collection[str]) -> bool:
     return any(module == each or module.startswith(f"{each}.") for each in allow)
 
 
-def _find_kind(name: Any, allow: Collection[str]) -> Any:
+def _find_known(name: Any, allow: Collection[str]) -> Any:
     """Return a dataclass or function that a file names, imported only where its module is known or allowed."""
-    module = name.partition(":")[0] if isinstance(name, str) else ""
-    if not is_allowed(module, KNOWN_ROOMS) and not is_allowed(module, allow):
+    module, _, path = name.partition(":") if isinstance(name, str) else ("", "", "")
+    if not is_allowed(module, (*KNOWN_ROOMS, *allow)):
         raise TaskError(
             f"{name!r} is not code of this project, and a file runs none unless it is allowed: "
             f"--allow-code {module}, in Python allow=({module!r},)"
         )
-    if any(part.startswith("_") for part in name.partition(":")[2].split(".")):
+    if any(part.startswith("_") for part in path.split(".")):
         raise TaskError(f"{name!r} is private; a file names public code only")
-    found = _find(name)
+    found = _find(module, path)
     is_kind = isinstance(found, FunctionType) or is_dataclass(found)
     if not is_kind or found.__module__ != module:
         raise TaskError(f"{name!r} is no dataclass and no plain function of that module")
     return found
 
 
-def _find(name: Any) -> Any:
-    module, _, path = name.partition(":") if isinstance(name, str) else ("", "", "")
+def _find(module: str, path: str) -> Any:
     try:
         found: Any = importlib.import_module(module)
         for part in path.split("."):
             found = getattr(found, part)
     except (ImportError, AttributeError, ValueError) as error:
-        raise TaskError(f"{name!r} is not there: {error}; put its module on the path") from error
-    if not callable(found):
-        raise TaskError(f"{name!r} is no class or function")
+        raise TaskError(f"{module}:{path} is not there: {error}; put its module on the path") from error
     return found

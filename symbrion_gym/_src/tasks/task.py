@@ -7,62 +7,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.tasks.goals import PassFinish
-from symbrion_gym._src.tasks.route import Route, SuccessCriteria
-from symbrion_gym._src.tasks.starts import Start
-from symbrion_gym._src.tasks.state import TaskState
+from symbrion_gym._src.tasks.route import Route, Start
 from symbrion_gym._src.tasks.storage import describe, restore
-from symbrion_gym._src.tasks.terminations import make_terminations
-from symbrion_gym._src.tasks.terms import Goal, Reward, Termination
-
-
-def gain_progress(state: TaskState) -> Float[Any, " N"]:
-    """Return the progress of this tick; falling forwards counts."""
-    return state.progress - state.previous_progress
-
-
-def gain_potential(state: TaskState) -> Float[Any, " N"]:
-    """Return the change of a potential that is the progress, and that of the start once the task has failed.
-
-    So the terms of a failed episode add up to nothing, and a fall gains nothing (Ng, Harada and Russell 1999, with
-    no discount and the potential of the start in every failed state).
-    """
-    now = state.progress
-    if state.may_hold(state.failed):
-        now = state.xp.where(state.failed, state.start_progress, now)
-    return now - state.previous_progress
-
-
-def has_succeeded(state: TaskState) -> Float[Any, " N"]:
-    """Return 1 for a success."""
-    return state.success.astype(state.progress.dtype)
-
-
-def has_failed(state: TaskState) -> Float[Any, " N"]:
-    """Return 1 for a failure: rolled over, fell, diverged and what else the task counts as one."""
-    return state.failed.astype(state.progress.dtype)
-
-
-def spend_power(state: TaskState) -> Float[Any, " N"]:
-    """Return the absolute power of the hinges [W]."""
-    return state.power
-
-
-def make_rewards(
-    forward: float = 1.0, success: float = 1.0, effort: float = 0.002, failure: float = 1.0
-) -> tuple[Reward, ...]:
-    """Return the usual rewards of the tasks: potential of progress, success, failure, work of the hinges."""
-    return (
-        Reward("forward", gain_potential, forward),
-        Reward("success", has_succeeded, success, at_end=True),
-        Reward("failure", has_failed, -failure, at_end=True),
-        Reward("effort", spend_power, -effort, per_second=True),
-    )
+from symbrion_gym._src.tasks.terms import Goal, Reward, Termination, make_rewards, make_terminations
 
 
 @dataclass(frozen=True)
@@ -72,11 +24,10 @@ class Task:
     Attributes:
         name: what it is called.
         start: where and how a body starts.
-        goal: what arriving means; held for `criteria.hold_time`, it is the success.
+        goal: what arriving means; held for 0.3 s, it is the success.
         terminations: what else ends an episode.
         rewards: terms of the reward, in the order in which they are added.
         duration: an episode is truncated after this [s].
-        criteria: limits of standing, rolling over and so on; None for those of the body's Scouts.
 
     Raises:
         TaskError: two terms have one name, the goal is no goal, or the duration is not above 0.
@@ -88,15 +39,11 @@ class Task:
     terminations: tuple[Termination, ...] = field(default_factory=make_terminations)
     rewards: tuple[Reward, ...] = field(default_factory=make_rewards)
     duration: float = 90.0
-    criteria: SuccessCriteria | None = None
 
     def __post_init__(self) -> None:
-        for what in ("terminations", "rewards"):
-            object.__setattr__(self, what, tuple(getattr(self, what)))
-        for what, terms, kind in (
-            ("terminations", self.terminations, Termination),
-            ("rewards", self.rewards, Reward),
-        ):
+        for what, kind in (("terminations", Termination), ("rewards", Reward)):
+            terms = tuple(getattr(self, what))
+            object.__setattr__(self, what, terms)
             for term in terms:
                 if not isinstance(term, kind):
                     raise TaskError(f"task {self.name!r}: {what} must be {kind.__name__}s, got {term!r}")
@@ -123,10 +70,6 @@ class Task:
             TaskError: a term cannot be restored, as a lambda or a function inside another.
         """
         return describe(self)
-
-    def compute_criteria(self, organism: Organism) -> SuccessCriteria:
-        """Return the limits that hold for a body."""
-        return self.criteria or SuccessCriteria.of(organism.scout)
 
     def find_route(self, arena: Arena, organism: Organism) -> Route:
         """Return the way from start to goal in an arena.

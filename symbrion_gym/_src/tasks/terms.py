@@ -1,27 +1,24 @@
-"""The terms of a task: goals, terminations and rewards are functions of the state of N simulations."""
+"""The terms of a task: goals, terminations and rewards, as functions of the state of N simulations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from symbrion_gym._src.errors import TaskError
-from symbrion_gym._src.tasks.starts import Start
 
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.robot.organism import Organism
-    from symbrion_gym._src.tasks.route import Route
+    from symbrion_gym._src.tasks.route import Route, Start
     from symbrion_gym._src.tasks.state import TaskState
 
-Condition: TypeAlias = "Callable[[TaskState], Bool[np.ndarray, ' N']]"
-"""From the state of N simulations to whether something is so in each."""
-Measure: TypeAlias = "Callable[[TaskState], Float[np.ndarray, ' N']]"
-"""From the state of N simulations to a number of each."""
+Limits = dict[str, "float | Float[np.ndarray, ' N']"]
 BASE_FLAGS = ("success", "diverged")  # Flags of `info` that every task has
 
 
@@ -29,8 +26,8 @@ BASE_FLAGS = ("success", "diverged")  # Flags of `info` that every task has
 class Goal(Protocol):
     """What arriving means.
 
-    A goal may also have `limits(state)`, as `Termination` explains; `distance_to_goal(state) -> [N]`, the way that is
-    left; and `find_target(state) -> [N, 2]`, the place (x, y) to head for.
+    A goal may also have `limits(state)`, as `Termination` explains, and `find_target(state) -> [N, 2]`, the place
+    (x, y) to head for.
     """
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
@@ -66,7 +63,7 @@ class Termination:
     """
 
     name: str
-    function: Condition
+    function: Callable[[TaskState], Bool[np.ndarray, " N"]]
     is_failure: bool = True
     truncates: bool = False
 
@@ -94,7 +91,7 @@ class Reward:
     """
 
     name: str
-    function: Measure
+    function: Callable[[TaskState], Float[np.ndarray, " N"]]
     weight: float = 1.0
     per_second: bool = False
     at_end: bool = False
@@ -111,3 +108,166 @@ def _check_term(term: Termination | Reward) -> None:
         raise TaskError(f"{kind}: a name is an identifier such as 'fell', got {term.name!r}")
     if not callable(term.function):
         raise TaskError(f"{kind} {term.name!r}: its function cannot be called: {term.function!r}")
+
+
+_LARGEST_REACH = 1.5
+"""A turned module reaches at most the root of 2 half edges below its center; with room to spare."""
+_LEAST_PROGRESS = 0.2  # Share of a module's length that counts as progress
+
+
+@dataclass(frozen=True)
+class RolledOver:
+    """Detect that a module has rolled over: leans by more than the task's criteria allow."""
+
+    def limits(self, state: TaskState) -> Limits:
+        return {"least_up": state.criteria.rolled_over}
+
+    def __call__(self, state: TaskState) -> Bool[Any, " N"]:
+        """Return whether a module leans by more."""
+        return state.least_up < state.criteria.rolled_over
+
+
+@dataclass(frozen=True)
+class FellOff:
+    """Detect that a module is off the side of the way, or below the arena."""
+
+    def limits(self, state: TaskState) -> Limits:
+        return {"least_left": -state.half_width, "least_right": -state.half_width, "lowest": state.deepest}
+
+    def __call__(self, state: TaskState) -> Bool[Any, " N"]:
+        """Return whether a module is off the arena."""
+        is_beside = state.xp.minimum(state.least_left, state.least_right) < -state.half_width
+        return is_beside | (state.lowest < state.deepest)
+
+
+@dataclass(frozen=True)
+class TouchedPit:
+    """Detect that a module touches the floor of the pit on the way, as if the pit had none."""
+
+    is_bottomless: bool = True  # without it, nothing is detected
+
+    def limits(self, state: TaskState) -> Limits:
+        reach = _LARGEST_REACH * _find_half(state)
+        return {"lowest": _find_pits(state)[2] + reach if self.is_bottomless else -np.inf}
+
+    def __call__(self, state: TaskState) -> Bool[Any, " N"]:
+        """Return whether a module touches the floor."""
+        if not self.is_bottomless:
+            return np.zeros(state.num, dtype=bool)
+        near, far, touched = _find_pits(state)[:, :, None]
+        reach = _find_half(state) * state.xp.abs(state.rotation[:, :, 6:9:2]).sum(axis=2)
+        is_down = state.position[:, :, 2] - reach < touched
+        return (is_down & (state.along > near) & (state.along < far)).any(axis=1)
+
+
+def _find_half(state: TaskState) -> float:
+    return state.organism.scout.size[2] / 2
+
+
+def _find_pits(state: TaskState) -> Float[np.ndarray, "3 N"]:
+    """Return near edge and far edge of the pit along the way, and the height at which its floor is touched [m]."""
+    none = (np.inf, -np.inf, -np.inf)
+    pits = np.array([none if scene.route.pit is None else scene.route.pit for scene in state.scenes]).T
+    pits[2] += state.criteria.touch_band
+    return pits
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """Detect that a body makes no more progress.
+
+    Raises:
+        TaskError: a number is out of range.
+    """
+
+    after: float = 15.0  # time without progress [s]
+    # smallest progress that counts as such; None for a fifth of a module's length [m]
+    progress: float | None = None
+
+    def __post_init__(self) -> None:
+        check_positive(self, ("after",), TaskError)
+        if self.progress is not None:
+            check_not_negative(self, ("progress",), TaskError)
+
+    def _recall(self, state: TaskState) -> tuple[np.ndarray, np.ndarray]:
+        """Return the progress beyond which each body has moved on, and the tick before which its time is not up."""
+        return (
+            state.remember("stuck_progress", lambda state: state.start_progress + self._find_least(state)),
+            state.remember("stuck_tick", self._wait(state)),
+        )
+
+    def _find_least(self, state: TaskState) -> float:
+        return _LEAST_PROGRESS * state.organism.scout.size[0] if self.progress is None else self.progress
+
+    def _wait(self, state: TaskState) -> float:
+        return round(self.after / state.dt) - 0.5
+
+    def limits(self, state: TaskState) -> Limits:
+        progress, tick = self._recall(state)
+        return {"progress": progress, "tick": tick}
+
+    def __call__(self, state: TaskState) -> Bool[Any, " N"]:
+        """Return whether the time is up; remember those that moved on."""
+        progress, tick = self._recall(state)
+        has_moved = state.progress > progress
+        if state.may_hold(has_moved):
+            state.keep("stuck_progress", state.progress + self._find_least(state), has_moved)
+            state.keep("stuck_tick", state.tick + self._wait(state), has_moved)
+            _, tick = self._recall(state)
+        return state.tick > tick
+
+
+def make_terminations(
+    stuck_time: float = 15.0, stuck_progress: float | None = None, **others: Termination
+) -> tuple[Termination, ...]:
+    """Return the usual terminations: rolled over, fell, and stuck."""
+    return (
+        Termination("rolled_over", RolledOver()),
+        Termination("fell", FellOff()),
+        *others.values(),
+        Termination("stuck", Stuck(stuck_time, stuck_progress), truncates=True),
+    )
+
+
+def gain_progress(state: TaskState) -> Float[Any, " N"]:
+    """Return the progress of this tick; falling forwards counts."""
+    return state.progress - state.previous_progress
+
+
+def gain_potential(state: TaskState) -> Float[Any, " N"]:
+    """Return the change of a potential that is the progress, and that of the start once the task has failed.
+
+    So the terms of a failed episode add up to nothing, and a fall gains nothing (Ng, Harada and Russell 1999, with
+    no discount and the potential of the start in every failed state).
+    """
+    now = state.progress
+    if state.may_hold(state.failed):
+        now = state.xp.where(state.failed, state.start_progress, now)
+    return now - state.previous_progress
+
+
+def has_succeeded(state: TaskState) -> Float[Any, " N"]:
+    """Return 1 for a success."""
+    return state.success.astype(state.progress.dtype)
+
+
+def has_failed(state: TaskState) -> Float[Any, " N"]:
+    """Return 1 for a failure: rolled over, fell, diverged and what else the task counts as one."""
+    return state.failed.astype(state.progress.dtype)
+
+
+def spend_power(state: TaskState) -> Float[Any, " N"]:
+    """Return the absolute power of the hinges [W]."""
+    return state.power
+
+
+def make_rewards(
+    forward: float = 1.0, success: float = 1.0, effort: float = 0.002, failure: float = 1.0
+) -> tuple[Reward, ...]:
+    """Return the usual rewards of the tasks: potential of progress, success, failure, work of the hinges."""
+    return (
+        Reward("forward", gain_potential, forward),
+        Reward("success", has_succeeded, success, at_end=True),
+        Reward("failure", has_failed, -failure, at_end=True),
+        Reward("effort", spend_power, -effort, per_second=True),
+    )

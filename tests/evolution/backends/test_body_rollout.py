@@ -12,7 +12,7 @@ from evolution._src.backends.outcome import FAILED_PROGRESS
 from evolution._src.backends.trials import Job, make_failure
 from evolution._src.errors import NoEnvironmentError
 from evolution._src.search.bodies.genome import parse_genome
-from symbrion_gym._src.tasks.traverse import FarEnd
+from symbrion_gym._src.tasks.goals import FarEnd
 
 WIDE = "l(l(.))r(.)"
 """Four modules across the way."""

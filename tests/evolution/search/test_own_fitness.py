@@ -56,7 +56,7 @@ def test_own_parts_decide_the_digest_and_survive_json(own):
         {"scoring": lambda outcome, body: 0.0},
         {"scoring": fitnesses.Remembering(3.0)},
         {"randomization": type("Local", (Randomization,), {})()},
-        {"environment": {"criteria": Randomization()}},
+        {"environment": {"sensor_noise": Randomization()}},
     ],
 )
 def test_what_no_file_can_keep_is_refused_before_anything_is_written(changes, tmp_path):

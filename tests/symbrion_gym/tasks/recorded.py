@@ -3,8 +3,7 @@
 import numpy as np
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
-from symbrion_gym._src.tasks.audit import audit
-from symbrion_gym._src.tasks.audit_checks import Trajectory
+from symbrion_gym._src.tasks.audit import Trajectory, audit
 
 
 def drive(task, **options):

@@ -5,7 +5,7 @@ import pytest
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.tasks.audit_checks import AuditLimits, Motion, find_bad_pace, find_unsteady_end
+from symbrion_gym._src.tasks.audit import Motion, find_bad_pace, find_unsteady_end
 from symbrion_gym._src.tasks.goals import find_honest, find_honest_along
 from symbrion_gym._src.tasks.state import TaskState, Views
 from symbrion_gym._src.tasks.watch import Watch
@@ -39,8 +39,7 @@ def is_honest(world: World, *paths: np.ndarray) -> np.ndarray:
     """Return which bodies the success check finds honest at the end of their paths."""
     position, count = np.array([path[0] for path in paths]), len(paths)
     rotation = np.repeat(UPRIGHT[None], count, axis=0)
-    criteria = world.task.compute_criteria(world.organism)
-    state = TaskState(world.scene, world.task.goal, count, DT, criteria, np.zeros((count, COUNT - 1)))
+    state = TaskState(world.scene, world.task.goal, count, DT, np.zeros((count, COUNT - 1)))
     state.bind(Views(position, rotation, np.zeros((count, 8)), *np.zeros((2, count, COUNT - 1))))
     watch = Watch(world.task, state)
     state.begin(range(count), [world.scene] * count, [TRACK_SPEED] * count)
@@ -56,30 +55,20 @@ def is_honest(world: World, *paths: np.ndarray) -> np.ndarray:
 def is_clean(path: np.ndarray) -> bool:
     """Return whether the audit finds nothing."""
     rotations = np.broadcast_to(np.eye(3), (*path.shape[:2], 3, 3))
-    return not find_bad_pace(Motion(np.arange(len(path)) * DT, path, rotations), TRACK_SPEED, AuditLimits())
+    return not find_bad_pace(Motion(np.arange(len(path)) * DT, path, rotations), TRACK_SPEED)
 
 
 @pytest.mark.parametrize(
     ("expected", "motion"),
     [
         (True, {"ahead": 0.0}),
-        (True, {"ahead": 0.04}),
-        (False, {"ahead": 0.08}),
+        (True, {"ahead": 0.04}),  # it tips forwards
+        (False, {"ahead": 0.08}),  # it is thrown
         (False, {"ahead": 0.08, "rise": 0.05}),
         (False, {"ahead": 0.08, "rise": -0.05}),
-        (True, {"ahead": 0.08, "hang": 0.05}),
+        (True, {"ahead": 0.08, "hang": 0.05}),  # it is pulled
         (False, {"ahead": 0.14, "hang": 0.05}),
         (False, {"ahead": 0.08, "hang": 0.05, "ends_ahead": True}),
-    ],
-    ids=[
-        "with its tracks",
-        "tipping",
-        "thrown",
-        "thrown up",
-        "flat below",
-        "pulled",
-        "farther than that",
-        "at the end",
     ],
 )
 def test_audit_and_success_check_agree_on_who_was_faster_than_its_tracks(world, expected, motion):
@@ -95,13 +84,8 @@ def test_a_lead_of_another_body_excuses_no_earlier_one(world):
     assert is_clean(later)
 
 
-def test_a_lead_is_noted_of_the_body_that_has_it(world):
-    np.testing.assert_array_equal(is_honest(world, make_path(0.08), make_path(0.0)), [False, True])
-
-
 def test_a_new_episode_forgets_it(world):
-    criteria = world.task.compute_criteria(world.organism)
-    state = TaskState(world.scene, world.task.goal, 1, DT, criteria, np.zeros((1, COUNT - 1)))
+    state = TaskState(world.scene, world.task.goal, 1, DT, np.zeros((1, COUNT - 1)))
     position = make_path(0.0)[:1]
     state.bind(Views(position, UPRIGHT[None], np.zeros((1, 8)), *np.zeros((2, 1, COUNT - 1))))
     state.begin([0], [world.scene], [TRACK_SPEED])
@@ -129,7 +113,7 @@ def test_a_module_on_a_rim_stands_on_the_ground_while_its_center_is_over_it(x, f
     tilt = np.array([[np.cos(0.1), 0.0, np.sin(0.1)], [0.0, 1.0, 0.0], [-np.sin(0.1), 0.0, np.cos(0.1)]])
     centers = np.tile([x, 0.0, 0.055], (TICKS, 1, 1))
     motion = Motion(time, centers, np.tile(tilt, (TICKS, 1, 1, 1)))
-    found = find_unsteady_end(motion, height, AuditLimits())
+    found = find_unsteady_end(motion, height)
     assert len(found) == faults
     lifted = motion._replace(centers=centers + np.array([0.0, 0.0, 0.06]))
-    assert find_unsteady_end(lifted, height, AuditLimits())
+    assert find_unsteady_end(lifted, height)

@@ -11,9 +11,8 @@ from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.tasks.goals import find_across, find_honest_along, find_standing
 from symbrion_gym._src.tasks.route import SuccessCriteria
-from symbrion_gym._src.tasks.scene import Scene
-from symbrion_gym._src.tasks.state import TaskState, Views
-from symbrion_gym._src.tasks.terminations import FellOff, RolledOver, Stuck, TouchedPit
+from symbrion_gym._src.tasks.state import Scene, TaskState, Views
+from symbrion_gym._src.tasks.terms import FellOff, RolledOver, Stuck, TouchedPit
 from symbrion_gym._src.tasks.watch import Watch
 
 FAR_EDGE = 0.1
@@ -43,8 +42,7 @@ def find_state(
     count = len(position)
     rotation = np.tile(np.eye(3).ravel(), (count, 1)) if rotation is None else rotation
     still = {"qvel": np.zeros(8), "hinge_rate": np.zeros(count - 1), "torque": np.zeros(count - 1)} | parts
-    criteria = world.task.compute_criteria(world.organism)
-    state = TaskState(world.scene, world.task.goal, 1, world.config.dt, criteria, np.zeros((1, count - 1)))
+    state = TaskState(world.scene, world.task.goal, 1, world.config.dt, np.zeros((1, count - 1)))
     state.bind(
         Views(
             position[None], rotation[None], *(still[name][None] for name in ("qvel", "hinge_rate", "torque"))
@@ -104,14 +102,12 @@ def test_a_module_on_its_side_or_on_its_end_is_no_success(check: World, axis, an
     assert stands(check, *lay(tail=0.12, rotation=turn(axis, angle))) is expected
 
 
-@pytest.mark.parametrize("above", [HALF - 0.02, HALF + 0.01])
-def test_a_module_may_sink_in_or_ride_up_a_little(check: World, above):
-    assert stands(check, *lay(tail=0.12, height=PLATEAU + above))
-
-
-@pytest.mark.parametrize("above", [HALF + 0.2, HALF + 0.105, HALF + 0.04, 0.0, -0.05])
-def test_a_module_stacked_on_another_or_in_the_ground_is_no_success(check: World, above):
-    assert not stands(check, *lay(tail=0.12, height=PLATEAU + above))
+@pytest.mark.parametrize(
+    ("above", "expected"),
+    [(-0.02, True), (0.01, True), (0.2, False), (0.105, False), (0.04, False), (-HALF, False)],
+)
+def test_a_module_may_sink_in_or_ride_up_a_little_but_stands_on_no_other(check: World, above, expected):
+    assert stands(check, *lay(tail=0.12, height=PLATEAU + HALF + above)) is expected
 
 
 @pytest.mark.parametrize(
@@ -155,10 +151,8 @@ def test_no_module_makes_progress_beyond_the_finish(check: World):
     some = find_state(check, [[finish + 0.2, 0, 0.3], [finish + 0.1, 0, 0.3], [finish - 0.1, 0, 0.3]])
     assert some.progress[0] == pytest.approx(finish - 0.1 / 3)
     assert some.compute_mean_along()[0] == pytest.approx(finish + 0.2 / 3)
-    assert some.goal_distance[0] == pytest.approx(0.1)
     whole = find_state(check, [[finish + 0.2, 0, 0.3], [finish + 0.1, 0, 0.3], [finish + 0.01, 0, 0.3]])
     assert whole.progress[0] == pytest.approx(finish)
-    assert whole.goal_distance[0] == 0.0
 
 
 def test_a_body_without_hinges_needs_no_power():
@@ -190,26 +184,20 @@ def test_a_robot_takes_itself_to_start_as_far_from_the_middle_of_the_pit_as_its_
 
 
 @pytest.mark.parametrize(
-    ("rates", "is_sound"),
-    [
-        (np.full(8, 10.0), True),
-        (np.full(8, -49.0), True),
-        (np.r_[np.zeros(7), 49.9], True),
-        (np.r_[np.zeros(7), 50.1], False),
-        (np.r_[-50.1, np.zeros(7)], False),
-        (np.r_[np.nan, np.zeros(7)], False),
-        (np.r_[np.zeros(7), np.inf], False),
-    ],
+    ("rate", "is_sound"),
+    [(-49.0, True), (49.9, True), (50.1, False), (-50.1, False), (np.nan, False), (np.inf, False)],
 )
-def test_numbers_that_are_no_longer_physics_are_seen(check: World, rates, is_sound):
+def test_numbers_that_are_no_longer_physics_are_seen(check: World, rate, is_sound):
     with np.errstate(all="ignore"):
-        state = find_state(check, np.full((3, 3), 0.3), qvel=rates, hinge_rate=np.full(2, np.inf))
+        state = find_state(
+            check, np.full((3, 3), 0.3), qvel=np.r_[np.zeros(7), rate], hinge_rate=np.full(2, np.inf)
+        )
     assert state.is_sound[0] == is_sound
     assert state.lowest[0] == (0.3 if is_sound else 0.0)
     assert is_sound or state.power[0] == 0.0
 
 
-@pytest.mark.parametrize(("frame_skip", "ticks"), [(10, 15), (20, 8), (100, 2), (200, 1)])
+@pytest.mark.parametrize(("frame_skip", "ticks"), [(10, 15), (20, 8), (200, 1)])
 def test_a_body_must_stand_for_three_tenths_of_a_second(frame_skip, ticks):
     config = EnvironmentConfig(modules=3, pit=2 * FAR_EDGE, frame_skip=frame_skip, timestep=0.002)
     assert count_ticks(World(config)) == ticks
@@ -242,26 +230,6 @@ def count_ticks(world: World) -> int:
     raise AssertionError("never")
 
 
-@pytest.fixture
-def turned() -> World:
-    """Of a way across the flat floor, neither along x nor through the middle."""
-    return find_world(arena="truth", start=(-2.9, -0.6), goal=(-2.1, 0.2))
-
-
-def test_on_a_turned_way_all_is_measured_along_it(turned: World):
-    """It begins at (-2.9, -0.6), goes to the left of x by 45 degrees, and ends where the head is at its goal."""
-    ahead, left = np.array([1.0, 1.0]) / np.sqrt(2), np.array([-1.0, 1.0]) / np.sqrt(2)
-    start = np.array([-2.9, -0.6])
-    begin = start @ ahead
-    assert turned.route.finish == pytest.approx(begin + np.hypot(0.8, 0.8) - 2 * 0.1254)
-    steps, aside = np.array([0.5, 0.3, 0.1]), np.array([0.1, -0.2, 0.05])
-    places = np.column_stack([start + np.outer(steps, ahead) + np.outer(aside, left), np.full(3, HALF)])
-    state = find_state(turned, places)
-    assert (-state.least_right[0], state.least_left[0]) == pytest.approx((0.1, -0.2))
-    assert state.along[0] == pytest.approx(begin + steps)
-    assert state.left[0] == pytest.approx(aside)
-
-
 @pytest.mark.parametrize(("heading", "lateral"), [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (np.pi / 2, 0.0)])
 def test_places_are_measured_along_and_beside_any_way(check: World, heading, lateral):
     route = replace(check.route, heading=heading, lateral=lateral)
@@ -275,33 +243,27 @@ def test_places_are_measured_along_and_beside_any_way(check: World, heading, lat
 
 
 @pytest.mark.parametrize(
-    ("tail", "yaw", "expected"), [(0.06, 45, True), (0.06, 0, False), (0.08, 0, True), (0.04, 45, False)]
+    ("angle", "tail", "yaw", "expected"),
+    [
+        (45, 0.06, 45, True),
+        (45, 0.06, 0, False),
+        (45, 0.08, 0, True),
+        (45, 0.04, 45, False),
+        (37, 0.06, 37, True),
+        (37, 0.06, -37, False),
+    ],
 )
-def test_on_a_turned_way_corners_count_along_it(turned: World, tail, yaw, expected):
-    """The edge is half a module's length before the finish."""
-    ahead = np.array([1.0, 1.0]) / np.sqrt(2)
-    steps = turned.route.finish - 0.1254 / 2 + tail + 0.1254 * np.arange(3)[::-1]
+def test_on_a_turned_way_corners_count_along_it(angle, tail, yaw, expected):
+    """The edge is half a module's length before the finish; the way goes from (-2.9, -0.6) to the left of x."""
+    ahead = turn("z", angle)[:2, 0]
+    start = np.array([-2.9, -0.6])
+    world = find_world(arena="truth", start=tuple(start), goal=tuple(start + 1.1 * ahead))
+    steps = world.route.finish - 0.1254 / 2 + tail + 0.1254 * np.arange(3)[::-1]
     position, rotation = lay(tail=0.12)
-    left = np.array([-2.9, -0.6]) @ [-1.0, 1.0] / 2 * np.array([-1.0, 1.0])
-    position[:] = np.column_stack([left + np.outer(steps, ahead), np.full(3, HALF)])
-    rotations = np.array([turn("z", 45), turn("z", 45), turn("z", yaw)])
-    rotation[:] = rotations.reshape(3, 9)
-    assert stands(turned, position, rotation) is expected
-
-
-@pytest.mark.parametrize(("yaw", "expected"), [(1, True), (-1, False)])
-def test_on_a_way_to_the_left_a_module_turned_to_the_right_reaches_farther_back(yaw, expected):
-    """The way turns by the angle of a triangle of sides 3, 4 and 5; so does a module along it."""
-    check = find_world(arena="truth", start=(-2.9, -0.6), goal=(-2.1, 0.0))
-    ahead, left = np.array([0.8, 0.6]), np.array([-0.6, 0.8])
-    steps = check.route.finish - 0.1254 / 2 + 0.06 + 0.1254 * np.arange(3)[::-1]
-    position, rotation = lay(tail=0.12)
-    middle = (np.array([-2.9, -0.6]) @ left) * left
+    middle = start - (start @ ahead) * ahead
     position[:] = np.column_stack([middle + np.outer(steps, ahead), np.full(3, HALF)])
-    angle = np.degrees(np.arcsin(0.6))
-    rotations = np.array([turn("z", angle), turn("z", angle), turn("z", yaw * angle)])
-    rotation[:] = rotations.reshape(3, 9)
-    assert stands(check, position, rotation) is expected
+    rotation[:] = [turn("z", each).ravel() for each in (angle, angle, yaw)]
+    assert stands(world, position, rotation) is expected
 
 
 @pytest.fixture
@@ -359,32 +321,18 @@ def test_a_module_off_the_side_or_below_all_has_fallen(check: World, place, expe
 def test_a_module_rolls_over_beyond_its_side(check: World, lean, expected):
     state = find_state(check, *lay(tail=0.12, rotation=turn("x", lean)))
     assert RolledOver()(state)[0] == expected
-    assert not RolledOver(-1.0)(state)[0]
 
 
 def test_what_no_longer_moves_on_is_stuck(check: World):
     position, rotation = lay(tail=-0.5)
     state, stuck = find_state(check, position, rotation), Stuck(after=0.1, progress=0.02)
-    for step, expected in (
-        (0.0, False),
-        (0.021, False),
-        (0.0, False),
-        (0.019, False),
-        (0.0, False),
-        (0.0, False),
-        (0.0, True),
-    ):
+    found = []
+    for step in (0.0, 0.021, 0.0, 0.019, 0.0, 0.0, 0.0):
         position[:, 0] += step
         state.advance(None, is_sound=True)
-        assert stuck(state)[0] == expected
-
-
-def test_criteria_can_be_chosen():
-    wide = SuccessCriteria(hold_time=1.0, upright=0.2, ground_band=(0.02, 0.2), corner=0.0, max_rate=5.0)
-    world = World(EnvironmentConfig(modules=3, pit=2 * FAR_EDGE, criteria=wide))
-    assert count_ticks(world) == 50
-    assert stands(world, *lay(tail=0.01, height=PLATEAU + HALF + 0.04, rotation=turn("x", 75)))
-    assert not find_state(world, np.full((3, 3), 0.3), qvel=np.full(8, 6.0)).is_sound[0]
+        found.append(bool(stuck(state)[0]))
+        assert state.tick[0] <= stuck.limits(state)["tick"][0] or found[-1]
+    assert found == [False] * 6 + [True]
 
 
 def test_criteria_grow_with_the_module():

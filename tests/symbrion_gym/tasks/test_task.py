@@ -9,12 +9,12 @@ import own_terms
 import pytest
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
-from symbrion_gym._src.errors import ArenaError, OptionError, TaskError
+from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.tasks.catalog import TASKS, make_task
-from symbrion_gym._src.tasks.starts import Start
+from symbrion_gym._src.tasks.route import Start
+from symbrion_gym._src.tasks.storage import describe
 from symbrion_gym._src.tasks.task import Task, read_task
-from symbrion_gym._src.tasks.terminations import RolledOver
-from symbrion_gym._src.tasks.terms import Reward, Termination
+from symbrion_gym._src.tasks.terms import Reward, RolledOver, Termination
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -56,9 +56,9 @@ def test_what_cannot_be_restored_is_refused():
     with pytest.raises(TaskError, match="not there"):
         read_task({"function": "symbrion_gym._src.tasks.task:no_such_term"})
     with pytest.raises(TaskError, match="does not take"):
-        read_task({"type": "symbrion_gym._src.tasks.starts:Start", "fields": {"hight": 1}})
+        read_task({"type": "symbrion_gym._src.tasks.route:Start", "fields": {"hight": 1}})
     with pytest.raises(TaskError, match="no task but a Start"):
-        read_task(Start().__class__ and {"type": "symbrion_gym._src.tasks.starts:Start", "fields": {}})
+        read_task(describe(Start()))
 
 
 @pytest.mark.parametrize(
@@ -103,13 +103,6 @@ def test_beside_a_ready_task_only_start_and_duration_are_given():
     assert env.world.task == task.replace(start=Start((-2.5, 0.2)), duration=3.0)
     with pytest.raises(OptionError, match="ready Task, so 'stuck_time'"):
         OrganismEnv(task=task, stuck_time=3.0)
-
-
-@pytest.mark.parametrize(("name", "arena", "start"), [("cross_gap", "truth", 1.0), ("climb", "stairs", 3.0)])
-def test_a_start_beyond_the_finish_is_refused(name, arena, start):
-    """It would be a success at once."""
-    with pytest.raises(ArenaError, match="lies beyond the finish"):
-        OrganismEnv(task=name, arena=arena, modules=3, start=(start, 0.0))
 
 
 def test_a_failure_keeps_none_of_its_progress_and_costs():

@@ -70,7 +70,7 @@ class BenchSuite(TrustingCommand):
         return {"tasks": [task.name for task in SUITE], "budget": BUDGET}
 
     def _run(self, console: Console) -> dict[str, Any]:
-        from evolution._src.suite.running import run_suite
+        from evolution._src.suite.baselines import run_suite
         from evolution._src.suite.tasks import BUDGET
 
         assert self.out is not None
@@ -88,8 +88,7 @@ class BenchSuite(TrustingCommand):
         return {"out": self.out, "entries": len(submission.entries), "seconds": step.seconds}
 
     def _verify(self, console: Console) -> dict[str, Any]:
-        from evolution._src.suite.running import verify
-        from evolution._src.suite.submission import load_submission
+        from evolution._src.suite.submission import load_submission, verify
 
         failed = 0
         rows = []

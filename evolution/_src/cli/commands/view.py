@@ -15,7 +15,7 @@ from reconstruction._src.base.range_checks import format_count, format_extents
 from symbrion_gym._src.headless import has_display
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.tasks.drivable_way import Pair
+    from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.traversability.drivable import TraversabilityMap
     from symbrion_gym._src.traversability.routes import DrivingRoute
 
@@ -95,7 +95,7 @@ class View(SeededCommand):
         places = arena.traversability(body)
         if "route" not in self.layers:
             return _Ground(places)
-        from symbrion_gym._src.tasks.drivable_way import propose_way
+        from symbrion_gym._src.tasks.paths import propose_way
 
         way = propose_way(arena, body)
         try:

@@ -203,7 +203,7 @@ def format_fitness(run: BodyRun, fitness: float) -> str:
 
 def compute_effort_weight(config: BodyEvolutionConfig) -> float:
     """Return the effort of a joule of work of the hinges."""
-    from symbrion_gym._src.tasks.traverse import UsualTerms  # loads MuJoCo
+    from symbrion_gym._src.tasks.catalog import UsualTerms  # loads MuJoCo
 
     return float(dict(config.environment).get("effort_weight", UsualTerms.effort_weight)) or 1.0
 

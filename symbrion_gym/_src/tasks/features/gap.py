@@ -1,59 +1,37 @@
-"""The gap on a way: where the ground drops and rises again like walls, across the whole way."""
+"""Gaps and ramps on a way: where the ground drops and rises again like walls, and where it rises or falls evenly."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from reconstruction._src.base.range_checks import check_counts, check_positive
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.errors import OptionError, TaskError
+from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.features.edges import (
+from symbrion_gym._src.tasks.features.way import (
+    AGREEMENT,
     LEAST_LANES,
-    Edge,
+    Direction,
     Jump,
-    find_crossings,
+    Profile,
+    Way,
+    find_edge,
     find_jumps,
-    find_lanes,
-    fit_edge,
+    read_profile,
+    split_runs,
 )
-from symbrion_gym._src.tasks.features.ramp import RampSearch, find_ramps
-from symbrion_gym._src.tasks.features.way import Line, Profile, Way, WaySearch, read_profile
 
+_DEPTH = 0.08  # Smallest height of the walls of a gap [m]; what is lower is a step
+_MAX_WIDTH = 1.5  # A wider gap is ground to drive on [m]; an organism of 8 modules is 1 m long
 _STRAIGHT = float(np.tan(np.deg2rad(1.0)))  # A way whose edges are skewed by less is perpendicular to them
 _SPREAD = 0.02  # Edges whose lanes scatter by this [m] halve the confidence
 
 
-@dataclass(frozen=True)
-class GapSearch:
-    """What counts as a gap.
-
-    Raises:
-        OptionError: a number is out of range.
-    """
-
-    step: float = 0.01  # spacing of the heights along the way [m]
-    # a wall's height is gained or lost within this number of steps, as scanned walls lean
-    wall_steps: int = 4
-    depth: float = 0.08  # smallest height of the walls [m]; what is lower is a step
-    max_width: float = 1.5  # a wider gap is ground to drive on [m]; an organism of 8 modules is 1 m long
-    # share of the lanes that have to show both edges; where fewer do, an organism drives around it
-    agreement: float = 0.6
-    ramp: RampSearch | None = None  # what counts as a ramp before the gap, at whose foot the start is
-
-    def __post_init__(self) -> None:
-        check_positive(self, ("step", "depth", "max_width", "agreement"), OptionError)
-        check_counts(self, ("wall_steps",), OptionError)
-
-
-@dataclass(frozen=True)
-class Gap:
+class Gap(NamedTuple):
     """A gap, with the way across it; s along that way [m]."""
 
     way: Way  # the way, perpendicular to the edges unless its direction was given
@@ -64,44 +42,23 @@ class Gap:
     top: float  # height of the ground at the near edge [m]
     confidence: float  # from 0 to 1: share of the lanes that show both edges, times how well they agree
 
-    @property
-    def width(self) -> float:
-        """Distance of the edges along the way [m]."""
-        return self.far - self.near
-
-    @property
-    def depth(self) -> float:
-        """Height of the near wall [m]."""
-        return self.top - self.floor
-
-    @property
-    def near_edge(self) -> Line:
-        """The near edge, across the way."""
-        return self.way.find_line(self.near)
-
-    @property
-    def far_edge(self) -> Line:
-        """The far edge, across the way."""
-        return self.way.find_line(self.far)
-
     def find_finish(self, organism: Organism) -> float:
         """Return s that the center of every module passes once the whole of it is across [m]."""
         return self.far + organism.scout.pitch / 2
 
 
 class _Crossing(NamedTuple):
-    """A gap on one lane: the samples of its two jumps, and the heights of its floor and of the walls [m]."""
+    """A gap on one lane."""
 
     fall: Jump
     rise: Jump
-    floor: float
+    floor: float  # height of its floor [m]
 
 
 def find_gap(
     arena: Arena,
     organism: Organism | None = None,
-    direction: Sequence[float] | np.ndarray | None = None,
-    search: GapSearch | None = None,
+    direction: Direction | None = None,
     start: Sequence[float] | np.ndarray | None = None,
 ) -> Gap:
     """Find the first gap on the way across a surface.
@@ -110,100 +67,155 @@ def find_gap(
     itself; the edges are lines through the lanes. The way is turned until it is perpendicular to them, unless its
     direction is given.
     """
-    search = search or GapSearch()
     least = (organism or Organism(1)).scout.size[0] / 2
 
-    def read(direction: Sequence[float] | np.ndarray | None) -> Profile:
-        return read_profile(arena, direction, WaySearch(step=search.step), start)
+    def find(direction: Direction | None) -> tuple[Gap, float]:
+        return _find_skewed(read_profile(arena, direction, start), least)
 
     if direction is not None:
-        return _find_skewed(arena, read(direction), least, search)[0]
-    profile = read(None)
+        return find(direction)[0]
+    profile = read_profile(arena, None, start)
     try:
-        gap, skew = _find_skewed(arena, profile, least, search)
+        gap, skew = _find_skewed(profile, least)
     except TaskError as reason:
         c, n = profile.way.direction
         try:
-            return _find_skewed(arena, read((-n, c)), least, search)[0]
+            return find((-n, c))[0]
         except TaskError:
             raise reason from None
     if abs(skew) < _STRAIGHT:
         return gap
     heading = profile.way.heading - np.arctan(skew)
-    return _find_skewed(arena, read((np.cos(heading), np.sin(heading))), least, search)[0]
+    return find((np.cos(heading), np.sin(heading)))[0]
 
 
-def _find_skewed(arena: Arena, profile: Profile, least: float, search: GapSearch) -> tuple[Gap, float]:
+def _find_skewed(profile: Profile, least: float) -> tuple[Gap, float]:
     """Return the gap on a way, and the skew of its edges."""
-    lanes = find_lanes(profile)
+    name, lanes, heights = profile.arena.name, profile.lanes, profile.heights
     if len(lanes) < LEAST_LANES:
         raise TaskError(
-            f"no gap across arena {arena.name!r}: its ground is alike on {profile.way.width:.2f} m of the width alone, "
-            "as on rough or skewed ground; give another direction"
+            f"no gap across arena {name!r}: its ground is alike on {profile.way.width:.2f} m of the width alone, as on "
+            "rough or skewed ground; give another direction"
         )
-    found = {int(k): _find_crossing(profile.s, profile.heights[:, k], least, search) for k in lanes}
-    known = {k: crossing for k, crossing in found.items() if crossing is not None}
-    if not known:
+    found = {k: _find_crossing(profile.s, heights[:, k], least) for k in lanes.tolist()}
+    crossings = [crossing for crossing in found.values() if crossing is not None]
+    if not crossings:
         raise TaskError(
-            f"no gap on the way across arena {arena.name!r}: the ground nowhere drops by {search.depth} m and rises "
-            f"again within {search.max_width} m"
+            f"no gap on the way across arena {name!r}: the ground nowhere drops by {_DEPTH} m and rises again within "
+            f"{_MAX_WIDTH} m"
         )
-    floor = float(np.median([crossing.floor for crossing in known.values()]))
-    top = float(np.median([profile.heights[crossing.fall.first, k] for k, crossing in known.items()]))
-    places = _find_edges(profile, found, floor)
-    near, far = (fit_edge(profile, side) for side in places)
-    if near is None or far is None or min(near.share, far.share) < search.agreement:
-        share = min(near.share if near else 0.0, far.share if far else 0.0)
+    known = np.array([k for k, crossing in found.items() if crossing is not None])
+    floor = float(np.median([crossing.floor for crossing in crossings]))
+    rims = [
+        heights[[crossing.fall.first for crossing in crossings], known],
+        heights[[crossing.rise.last for crossing in crossings], known],
+    ]
+    jumps = [crossing.fall[:2] for crossing in crossings], [crossing.rise[:2] for crossing in crossings]
+    near, far = (
+        find_edge(profile, known, *wall)
+        for wall in zip(jumps, [(rim + floor) / 2 for rim in rims], strict=True)
+    )
+    share = min(edge.share if edge else 0.0 for edge in (near, far))
+    if near is None or far is None or share < AGREEMENT:
         raise TaskError(
-            f"no gap across the whole way of arena {arena.name!r}: {100 * share:.0f} % of its {len(lanes)} lanes show "
-            f"one, fewer than {100 * search.agreement:.0f} %"
+            f"no gap across the whole way of arena {name!r}: {100 * share:.0f} % of its {len(lanes)} lanes show one, "
+            f"fewer than {100 * AGREEMENT:.0f} %"
         )
-    start = _find_start(profile, near, search)
-    confidence = min(near.share, far.share) * _find_agreement(profile, places, (near, far))
-    gap = Gap(profile.way, start, near.s, far.s, floor, top, round(float(confidence), 3))
+    ramps = [ramp for ramp in find_ramps(profile) if ramp.rise > 0 and ramp.foot < near.s]
+    start = ramps[-1].foot if ramps else profile.way.begin
+    confidence = share / (1.0 + max(near.spread, far.spread) / _SPREAD)
+    gap = Gap(
+        profile.way, start, near.s, far.s, floor, float(np.median(rims[0])), round(float(confidence), 3)
+    )
     return gap, (near.skew + far.skew) / 2
 
 
 def _find_crossing(
-    s: Float[np.ndarray, " D"], heights: Float[np.ndarray, " D"], least: float, search: GapSearch
+    s: Float[np.ndarray, " D"], heights: Float[np.ndarray, " D"], least: float
 ) -> _Crossing | None:
     """Return the first fall on a lane that a rise follows within the width of a gap."""
-    jumps = find_jumps(heights, search.depth, search.wall_steps)
-    for fall, rise in pairwise(jumps):
+    for fall, rise in pairwise(find_jumps(heights, _DEPTH)):
         width = s[rise.last] - s[fall.first]
-        if fall.rise < 0 < rise.rise and least < width <= search.max_width:
+        if fall.rise < 0 < rise.rise and least < width <= _MAX_WIDTH:
             inside = heights[fall.last : max(rise.first, fall.last) + 1]
             return _Crossing(fall, rise, float(np.nanmedian(inside)))
     return None
 
 
-def _find_edges(
-    profile: Profile, found: dict[int, _Crossing | None], floor: float
-) -> Float[np.ndarray, "2 W"]:
-    """Return s of both edges on every lane, half way up the walls; nan without a gap."""
-    lanes = np.array(list(found))
-    spans, levels = np.full((2, len(lanes), 2), -1), np.zeros((2, len(lanes)))
-    for row, (lane, crossing) in enumerate(found.items()):
-        if crossing is None:
-            continue
-        rims = crossing.fall.first, crossing.rise.last
-        for side, (jump, rim) in enumerate(zip((crossing.fall, crossing.rise), rims, strict=True)):
-            spans[side, row] = jump.first, jump.last
-            levels[side, row] = (profile.heights[rim, lane] + floor) / 2
-    return np.array([find_crossings(profile, lanes, spans[side], levels[side]) for side in range(2)])
+_MIN_SLOPE = float(np.deg2rad(4.0))  # Smallest slope of a ramp [rad]; what is flatter is level
+_MAX_SLOPE = float(np.deg2rad(40.0))  # Largest slope of a ramp [rad]; what is steeper is a wall
+_MIN_LENGTH = 0.3  # Shortest ramp in plan [m]
+_MIN_RISE = 0.05  # Smallest height of a ramp [m]
+_ROUGHNESS = 0.006  # Largest standard deviation of a ramp's ground from an even slope [m]
+_WINDOW = 0.1  # The slope is that over such a stretch [m]; short ones take the noise of a scan for slopes
 
 
-def _find_agreement(profile: Profile, places: Float[np.ndarray, "2 W"], edges: tuple[Edge, Edge]) -> float:
-    """Return how well the lanes agree: 1 on one line, 0.5 where they scatter by 2 cm."""
-    left = profile.left[profile.on_way]
-    rest = [
-        np.nanmedian(np.abs(side - edge.s - edge.skew * left))
-        for side, edge in zip(places, edges, strict=True)
-    ]
-    return 1.0 / (1.0 + max(rest) / _SPREAD)
+class Ramp(NamedTuple):
+    """A ramp; s along the way [m]."""
+
+    way: Way  # the way over it
+    foot: float  # s where it begins [m]
+    crest: float  # s where it ends [m]
+    low: float  # height of the ground at the foot [m]
+    high: float  # height of the ground at the crest [m]; lower than at the foot where it leads down
+
+    @property
+    def rise(self) -> float:
+        """Height that it gains [m]; below 0 where it leads down."""
+        return self.high - self.low
+
+    @property
+    def slope(self) -> float:
+        """Angle from the level [rad], below 0 where it leads down."""
+        return float(np.arctan2(self.rise, self.crest - self.foot))
 
 
-def _find_start(profile: Profile, near: Edge, search: GapSearch) -> float:
-    """Return the foot of the last ramp before an edge [m]; without one, where the surface begins."""
-    ramps = [ramp for ramp in find_ramps(profile, search.ramp) if ramp.rise > 0 and ramp.foot < near.s]
-    return ramps[-1].foot if ramps else profile.way.begin
+def find_ramp(arena: Arena, direction: Direction | None = None) -> Ramp:
+    """Find the first ramp that leads up on the way across a surface."""
+    for ramp in find_ramps(read_profile(arena, direction)):
+        if ramp.rise > 0:
+            return ramp
+    raise TaskError(f"no ramp that leads up on the way across arena {arena.name!r}")
+
+
+def find_ramps(profile: Profile) -> list[Ramp]:
+    """Return the ramps along a way, up and down, in order; their ends where the fitted slope meets the level beyond."""
+    s, heights = profile.s, profile.middle
+    step = float(s[1] - s[0])
+    reach = max(1, round(_WINDOW / step / 2))
+    slope = np.full(len(s), np.nan)
+    slope[reach:-reach] = (heights[2 * reach :] - heights[: -2 * reach]) / (2 * reach * step)
+    low, high = np.tan(_MIN_SLOPE), np.tan(_MAX_SLOPE)
+    ramps = []
+    for sign in (1.0, -1.0):
+        with np.errstate(invalid="ignore"):
+            runs = split_runs((sign * slope > low) & (sign * slope < high))
+        ramps += [_fit_ramp(profile, int(run[0]), int(run[-1]), reach) for run in runs]
+    found = [ramp for ramp in ramps if ramp is not None and _is_ramp(ramp)]
+    return sorted(found, key=lambda ramp: ramp.foot)
+
+
+def _is_ramp(ramp: Ramp) -> bool:
+    is_long = ramp.crest - ramp.foot >= _MIN_LENGTH
+    return is_long and abs(ramp.rise) >= _MIN_RISE and _MIN_SLOPE <= abs(ramp.slope) <= _MAX_SLOPE
+
+
+def _fit_ramp(profile: Profile, first: int, last: int, reach: int) -> Ramp | None:
+    """Return the ramp of a run of slopes: its line is fitted inside, its ends are where it meets the level ground."""
+    s, heights = profile.s, profile.middle
+    inner = slice(first + reach, last - reach + 1)
+    if last - first < 3 * reach:
+        return None
+    gain, offset = np.polyfit(s[inner], heights[inner], 1)
+    if np.std(heights[inner] - gain * s[inner] - offset) > _ROUGHNESS:
+        return None
+    margin = 2 * reach * float(s[1] - s[0])
+
+    def find_end(at: int, level: slice) -> float:
+        is_known = level.start >= 0 and level.stop <= len(heights)
+        end = (np.median(heights[level]) - offset) / gain if is_known else s[at]
+        return float(np.clip(end, s[at] - margin, s[at] + margin))
+
+    foot = find_end(first, slice(first - 2 * reach, first - reach + 1))
+    crest = find_end(last, slice(last + reach, last + 2 * reach + 1))
+    return Ramp(profile.way, foot, crest, float(offset + gain * foot), float(offset + gain * crest))

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.tasks.route import SuccessCriteria
-from symbrion_gym._src.tasks.scene import Scene
+from symbrion_gym._src.tasks.state import Scene
 
 _EDGE_TOLERANCE = 1e-5
 """How far outside a triangle (barycentric) a point still counts as inside, in single precision."""
@@ -232,11 +232,6 @@ class DeviceState:
         rows = jnp.arange(len(mask))
         return jax.lax.cond(mask.any(), lambda: mask & find(rows), lambda: mask)
 
-    def find_low(self, rows: Int[jax.Array, " M"], height: float) -> Bool[jax.Array, " M"]:
-        """Return True for all: a quick look saves nothing here."""
-        del height
-        return jnp.ones(rows.shape, dtype=bool)
-
     def compute_height(self, rows: Int[jax.Array, " M"]) -> Float[jax.Array, "M n"]:
         """Return the height of the modules above the ground in some simulations [m]; NaN where there is none."""
         places = self.position[rows]
@@ -263,12 +258,6 @@ class DeviceState:
         return self.position.mean(axis=1)
 
     @property
-    def goal_distance(self) -> Float[jax.Array, " N"]:
-        """Way that is left to the goal [m]."""
-        distance = getattr(self._course.goal, "distance_to_goal", None)
-        return jnp.maximum(self.finish - self.rear, 0.0) if distance is None else distance(self)
-
-    @property
     def target(self) -> Float[Any, "N 2"]:
         """Place (x, y) that each body should head for [m]."""
         find = getattr(self._course.goal, "find_target", None)
@@ -280,16 +269,6 @@ class DeviceState:
         return np.tile(np.asarray(place, dtype=np.float32), (self.num, 1))
 
     @property
-    def arena(self) -> Any:
-        """Arena of all simulations."""
-        return self._course.scene.arena
-
-    @property
     def organism(self) -> Any:
         """Organism of all simulations."""
         return self._course.scene.organism
-
-    @property
-    def route(self) -> Any:
-        """Way of all simulations."""
-        return self._course.scene.route

@@ -15,6 +15,7 @@ from symbrion_gym._src.environment.observation import LARGEST_DISTANCE, NOTHING_
 from symbrion_gym._src.environment.warp.device.state import Course, DeviceGround, DeviceState, Episode
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.robot.organism_sensors import MEASURED
+from symbrion_gym._src.tasks.route import SuccessCriteria
 from symbrion_gym._src.tasks.terms import Reward, Termination
 
 
@@ -179,7 +180,7 @@ class DeviceTick:
     def __init__(self, world: World, episodes: Episodes, num: int, max_ticks: int | None) -> None:
         task, config = world.task, world.config
         self._world, self._task, self._max_ticks = world, task, max_ticks
-        criteria = task.compute_criteria(world.organism)
+        criteria = SuccessCriteria.of(world.organism.scout)
         self.course = Course(world.scene, task.goal, DeviceGround(world.scene), num, config.dt, criteria)
         self._num_tracks, self._hinges = episodes.num_tracks, world.num_hinges
         self._is_skid = config.track_control == "skid"

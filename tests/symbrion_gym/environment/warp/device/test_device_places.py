@@ -15,7 +15,7 @@ from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.warp.device.state import DeviceState
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.tasks.scene import HostArrays
+from symbrion_gym._src.tasks.state import HostArrays
 
 SENSES = ("pitch", "goal", "goal_direction")
 DRIVEN = {"track_control": "skid", "sensors": SENSES}
