@@ -250,8 +250,8 @@ def _find_steps(links: Links, rises: Float[np.ndarray, "P 8"]) -> Float[np.ndarr
 
 def keep_upright(links: Links, gradient: Float[np.ndarray, "P 2"], body: Footprint) -> Links:
     """Return the links on which a body leans to its side by no more than it may, at either end; else -1."""
-    ways = DIRECTIONS / _LENGTHS[:, None]
-    aside = np.abs(np.nan_to_num(gradient) @ np.stack([-ways[:, 1], ways[:, 0]]))
+    sideways = np.stack([-DIRECTIONS[:, 1], DIRECTIONS[:, 0]]) / _LENGTHS
+    aside = np.abs(np.nan_to_num(gradient) @ sideways)
     leans = np.maximum(aside, aside[links, np.arange(len(DIRECTIONS))]) > np.tan(body.max_roll)
     return np.where(leans, -1, links)
 
@@ -304,6 +304,5 @@ def _find_regions(graph: csr_matrix, is_drivable: Bool[np.ndarray, " P"]) -> Int
     """Return numbers of the connected parts of what is drivable, the largest first; -1 elsewhere."""
     label = connected_components(graph, directed=False)[1]
     sizes = np.bincount(label[is_drivable], minlength=label.max(initial=-1) + 1)
-    rank = np.empty(len(sizes), dtype=np.int64)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
+    rank = np.argsort(np.argsort(-sizes, kind="stable"))
     return np.where(is_drivable, rank[label], -1)

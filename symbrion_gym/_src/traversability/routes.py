@@ -18,8 +18,7 @@ Point = Float[np.ndarray, " 3"]  # [m]
 Numbers = Int[np.ndarray, " N"]  # Of places of a map; -1 for none
 Usable = Bool[np.ndarray, " P"]  # Of each place of a map, whether it may be used
 Place = Sequence[float] | np.ndarray  # (x, y), or (x, y, z) where there are several storeys [m]
-FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
-"""From places on the ground [m] to whether the scanner saw each."""
+FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]  # Whether the scanner saw places [m]
 
 _SLIPPERY = 0.9  # Ground with less than this share of the largest friction is slippery
 _AMPLE_ROOM = (
@@ -34,9 +33,9 @@ _MAX_LENGTH = 10.0  # A route whose start and goal are chosen is no longer [m]: 
 _SLOPE_COST = 3.0
 """Ground as steep as the body climbs costs this many times more per length than level ground; less slope costs less, by
 its square. Slippery ground that is steeper than tracks hold on it costs still more."""
-_SLIP_COST = 6.0
-"""Ground without friction costs this many times more per length than the least slippery ground; what is between, in
-proportion: paths go around ice where they can."""
+_SLIP_COST = (
+    6.0  # Likewise ground without friction, against the least slippery; what is between, in proportion
+)
 _NUM_DIRECTIONS = 36  # Ways through a place are tried in as many directions, 5 degrees apart
 _NUM_ANCHORS = 32  # Places through which straight ways are tried
 
@@ -77,9 +76,9 @@ def find_driving_route(
         raise ArenaError(f"max_length must be above 0, got {max_length!r}")
     if start is not None and goal is not None and np.array_equal(start, goal):
         raise ArenaError(f"start and goal are the same place {goal!r}; move one of them")
-    first = None if start is None else _find_drivable_place(ground, "start", start, name)
+    first = None if start is None else _find_drivable(ground, "start", start, name, None)
     region = None if first is None else int(ground.region[first])
-    last = None if goal is None else _find_drivable_place(ground, "goal", goal, name, region)
+    last = None if goal is None else _find_drivable(ground, "goal", goal, name, region)
     region = int(ground.region[last]) if last is not None else region or 0
     friction = np.ones(len(ground.cell)) if friction is None else friction
     graph = _make_cost_graph(ground, friction)
@@ -107,9 +106,7 @@ def find_driving_route(
     )
 
 
-def _find_drivable_place(
-    ground: TraversabilityMap, what: str, place: Place, name: str, region: int | None = None
-) -> int:
+def _find_drivable(ground: TraversabilityMap, what: str, place: Place, name: str, region: int | None) -> int:
     """Return the number of the drivable place at (x, y) or (x, y, z)."""
     point = read_place(what, place)
     usable = np.flatnonzero(ground.is_drivable if region is None else ground.region == region)
@@ -119,10 +116,9 @@ def _find_drivable_place(
     if len(point) == 3:
         is_near &= np.abs(offset[:, 2]) <= _STOREY
     near = usable[is_near]
-    if len(near) and len(point) == 3:
-        return int(near[np.argmin(np.linalg.norm(offset[is_near], axis=1))])
+    keys = (np.linalg.norm(offset, axis=1),) if len(point) == 3 else (flat, ground.region[usable])
     if len(near):
-        return int(near[np.lexsort((flat[is_near], ground.region[near]))[0]])
+        return int(near[np.lexsort([key[is_near] for key in keys])[0]])
     distance = np.linalg.norm(offset[:, : len(point)], axis=1)
     nearest = _show(ground.positions[usable[np.argmin(distance)]], 2)
     why = "has no drivable ground" if region is None else "is not connected to the start"
