@@ -1,7 +1,4 @@
-"""What is solid above and below each cell of a grid: spans of height, one above the other, and walls between them.
-
-The spans are those of Recast's height field (Mononen 2009), from convex pieces instead of a triangle soup.
-"""
+"""What is solid above and below the cells of a grid: walls, and spans as of Recast's height field (Mononen 2009)."""
 
 from __future__ import annotations
 

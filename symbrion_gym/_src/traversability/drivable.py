@@ -37,9 +37,8 @@ _SURFACE_DISTANCE = 0.10
 """Ground has surface that looks up within this distance above or below [m]: contact geometry is about 0.06 thick, so
 that the upper side of a ceiling that was seen from below alone does not count."""
 _MAX_DISTANCE = 1.0  # Distances from walls are known up to this [m]
-_STEEPEST_LINK = 2.0
-"""Ground that rises by more than this per length (63 degrees), and by `_HIGHEST_LINK`, is not the same ground."""
-_HIGHEST_LINK = 0.05  # Step that is still the same ground [m]: more than any body climbs
+_STEEPEST_LINK = 2.0  # Ground that rises by more than this per length (63 degrees) is not the same ground
+_HIGHEST_LINK = 0.05  # ... and by more than this [m]: a step higher than any body climbs.
 _LEAST_RISE = 0.2  # Faces whose normal rises or falls less are walls, which look neither up nor down
 _LEAST_PLACES = 4  # A plane is fitted through at least as many places
 _FLATTEST = 1e-6  # Places on a line have a smaller determinant of their spread, in cells to the power of 4
@@ -94,8 +93,7 @@ class TraversabilityMap:
     @cached_property
     def level(self) -> Int[np.ndarray, " P"]:
         """Number of each place among those of its cell, the lowest first."""
-        starts = np.searchsorted(self.cell, self.cell)
-        return np.arange(len(self.cell)) - starts
+        return np.arange(len(self.cell)) - np.searchsorted(self.cell, self.cell)
 
     @cached_property
     def positions(self) -> Float[np.ndarray, "P 3"]:
@@ -252,8 +250,8 @@ def _find_steps(links: Links, rises: Float[np.ndarray, "P 8"]) -> Float[np.ndarr
 
 def keep_upright(links: Links, gradient: Float[np.ndarray, "P 2"], body: Footprint) -> Links:
     """Return the links on which a body leans to its side by no more than it may, at either end; else -1."""
-    ways = DIRECTIONS / _LENGTHS[:, None]
-    aside = np.abs(np.nan_to_num(gradient) @ np.stack([-ways[:, 1], ways[:, 0]]))
+    sideways = np.stack([-DIRECTIONS[:, 1], DIRECTIONS[:, 0]]) / _LENGTHS
+    aside = np.abs(np.nan_to_num(gradient) @ sideways)
     leans = np.maximum(aside, aside[links, np.arange(len(DIRECTIONS))]) > np.tan(body.max_roll)
     return np.where(leans, -1, links)
 
@@ -304,10 +302,7 @@ def _spread_distance(graph: csr_matrix, rims: Float[np.ndarray, " P"]) -> Float[
 
 def _find_regions(graph: csr_matrix, is_drivable: Bool[np.ndarray, " P"]) -> Int[np.ndarray, " P"]:
     """Return numbers of the connected parts of what is drivable, the largest first; -1 elsewhere."""
-    if not is_drivable.any():
-        return np.full(len(is_drivable), -1)
     label = connected_components(graph, directed=False)[1]
-    sizes = np.bincount(label[is_drivable], minlength=label.max() + 1)
-    rank = np.empty(len(sizes), dtype=np.int64)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
+    sizes = np.bincount(label[is_drivable], minlength=label.max(initial=-1) + 1)
+    rank = np.argsort(np.argsort(-sizes, kind="stable"))
     return np.where(is_drivable, rank[label], -1)

@@ -20,13 +20,13 @@ with steps of 15 mm (6 of 16 drives, 2 of 16 with 10)."""
 SLOPE_LIMIT = float(np.deg2rad(15.0))
 """Slope that Scouts climb [rad], measured likewise on planes: 1 module climbs 20 degrees and tips over at 25; on bumps
 of natural terrain it tips over at 17. 2 modules climb 30 degrees straight up; on natural terrain with slopes of up to
-20 they fail to turn in hollows and slide off (4 of 8 drives on one, 0 of 8 on the same ground with up to 15; on another
-ground 1 of 8 tipped over at the rim with 15 as well)."""
+20 they slide off in hollows (4 of 8 drives, 0 of 8 on the same ground with up to 15, 1 of 8 on another)."""
 ROLL_LIMIT = float(np.deg2rad(15.0))
 """Side slope on which Scouts stay upright [rad]. Measured in MuJoCo across planes, at rest, driving and turning: 1, 2,
 4 and 8 modules stand at 25 degrees and tip over at 30; bumps of natural terrain add up to 10 on one side."""
-_FRICTION_SHARE = 0.85
-"""Share of the angle of friction that is climbed: tracks that turn or cross a seam slip sooner."""
+_FRICTION_SHARE = (
+    0.85  # Of the angle of friction that is climbed: tracks that turn or cross a seam slip sooner
+)
 
 
 @dataclass(frozen=True)

@@ -15,21 +15,17 @@ from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import compute_hold
 
 Point = Float[np.ndarray, " 3"]  # [m]
+Numbers = Int[np.ndarray, " N"]  # Of places of a map; -1 for none
 Usable = Bool[np.ndarray, " P"]  # Of each place of a map, whether it may be used
 Place = Sequence[float] | np.ndarray  # (x, y), or (x, y, z) where there are several storeys [m]
-FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
-"""From places on the ground [m] to whether the scanner saw each."""
+FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]  # Whether the scanner saw places [m]
 
 _SLIPPERY = 0.9  # Ground with less than this share of the largest friction is slippery
-_AMPLE_ROOM = 2.0
-"""Start and goal are chosen where the distance from walls is this many times the body's reach, or among the
-half of the region with the most room."""
-_WALL_COST = 3.0
-"""Ground at the body's reach from walls costs this many times more per length than ground with ample room, so
-that paths keep off walls where they can."""
-_LEVEL = 0.5
-"""Start and goal are chosen where the ground around has no more than this share of the slope on which the
-body stays upright, or among the half of the region with the least."""
+_AMPLE_ROOM = (
+    2.0  # Ends are chosen so many times the body's reach from walls, or in the half with the most room
+)
+_LEVEL = 0.5  # ... and where slopes are this share of the largest side slope, or in the half with the least.
+_WALL_COST = 3.0  # Ground at the reach from walls costs this many times more per length than with ample room
 _NUM_ENDS = 4000  # Places of which start and goal are chosen at most, evenly spread
 _STOREY = 0.25  # A given z is that of ground no farther above or below than this [m]; half a storey is more
 _LOOK_AHEAD = 0.3  # The start heads for the path this far ahead [m]
@@ -37,9 +33,9 @@ _MAX_LENGTH = 10.0  # A route whose start and goal are chosen is no longer [m]: 
 _SLOPE_COST = 3.0
 """Ground as steep as the body climbs costs this many times more per length than level ground; less slope costs less, by
 its square. Slippery ground that is steeper than tracks hold on it costs still more."""
-_SLIP_COST = 6.0
-"""Ground without friction costs this many times more per length than the least slippery ground; what is between, in
-proportion: paths go around ice where they can."""
+_SLIP_COST = (
+    6.0  # Likewise ground without friction, against the least slippery; what is between, in proportion
+)
 _NUM_DIRECTIONS = 36  # Ways through a place are tried in as many directions, 5 degrees apart
 _NUM_ANCHORS = 32  # Places through which straight ways are tried
 
@@ -80,12 +76,10 @@ def find_driving_route(
         raise ArenaError(f"max_length must be above 0, got {max_length!r}")
     if start is not None and goal is not None and np.array_equal(start, goal):
         raise ArenaError(f"start and goal are the same place {goal!r}; move one of them")
-    first = None if start is None else _find_drivable_place(ground, "start", start, name)
+    first = None if start is None else _find_drivable(ground, "start", start, name, None)
     region = None if first is None else int(ground.region[first])
-    last = None if goal is None else _find_drivable_place(ground, "goal", goal, name, region)
-    if last is not None:
-        region = int(ground.region[last])
-    region = region or 0
+    last = None if goal is None else _find_drivable(ground, "goal", goal, name, region)
+    region = int(ground.region[last]) if last is not None else region or 0
     friction = np.ones(len(ground.cell)) if friction is None else friction
     graph = _make_cost_graph(ground, friction)
     first, last = _choose_ends(ground, region, first, last, max_length or _MAX_LENGTH, find_seen, friction)
@@ -112,9 +106,7 @@ def find_driving_route(
     )
 
 
-def _find_drivable_place(
-    ground: TraversabilityMap, what: str, place: Place, name: str, region: int | None = None
-) -> int:
+def _find_drivable(ground: TraversabilityMap, what: str, place: Place, name: str, region: int | None) -> int:
     """Return the number of the drivable place at (x, y) or (x, y, z)."""
     point = read_place(what, place)
     usable = np.flatnonzero(ground.is_drivable if region is None else ground.region == region)
@@ -124,10 +116,9 @@ def _find_drivable_place(
     if len(point) == 3:
         is_near &= np.abs(offset[:, 2]) <= _STOREY
     near = usable[is_near]
-    if len(near) and len(point) == 3:
-        return int(near[np.argmin(np.linalg.norm(offset[is_near], axis=1))])
+    keys = (np.linalg.norm(offset, axis=1),) if len(point) == 3 else (flat, ground.region[usable])
     if len(near):
-        return int(near[np.lexsort((flat[is_near], ground.region[near]))[0]])
+        return int(near[np.lexsort([key[is_near] for key in keys])[0]])
     distance = np.linalg.norm(offset[:, : len(point)], axis=1)
     nearest = _show(ground.positions[usable[np.argmin(distance)]], 2)
     why = "has no drivable ground" if region is None else "is not connected to the start"
@@ -198,14 +189,10 @@ def _choose_ends(
     return (known, other) if first is not None else (other, known)
 
 
-def _select_good_ends(
-    ground: TraversabilityMap, inside: Usable, find_seen: FindSeen | None
-) -> Int[np.ndarray, " N"]:
+def _select_good_ends(ground: TraversabilityMap, inside: Usable, find_seen: FindSeen | None) -> Numbers:
     """Return places with room around them, on level ground, that the scanner saw, as far as there are such."""
-    reach = ground.footprint.reach
-    is_good = inside & (
-        ground.wall_distance >= min(_AMPLE_ROOM * reach, np.median(ground.wall_distance[inside]))
-    )
+    reach, most = ground.footprint.reach, np.median(ground.wall_distance[inside])
+    is_good = inside & (ground.wall_distance >= min(_AMPLE_ROOM * reach, most))
     slope = np.nan_to_num(ground.slope)
     for _ in range(int(np.ceil(reach / ground.grid.cell))):  # the steepest under a body that turns here
         near = np.where(ground.links >= 0, slope[ground.links], 0.0)
@@ -217,7 +204,7 @@ def _select_good_ends(
     return good[is_seen] if is_seen.any() else good
 
 
-def _find_far(graph: csr_matrix, start: int, candidates: Int[np.ndarray, " N"], most: float) -> int:
+def _find_far(graph: csr_matrix, start: int, candidates: Numbers, most: float) -> int:
     """Return the candidate that is farthest from the start by length of the way, up to a length."""
     distance = dijkstra(graph, indices=start)[candidates]
     return int(candidates[np.argmax(np.where(distance <= most, distance, -1.0))])
@@ -225,7 +212,7 @@ def _find_far(graph: csr_matrix, start: int, candidates: Int[np.ndarray, " N"], 
 
 def find_nearest_level(
     ground: TraversabilityMap, places: Float[np.ndarray, "N 2"], heights: Float[np.ndarray, " N"]
-) -> Int[np.ndarray, " N"]:
+) -> Numbers:
     """Return the place at each (x, y) whose ground is nearest in height; -1 where there is no ground."""
     return ground.sorted_heights.find_nearest(ground.grid.compute_cells(places), heights)
 

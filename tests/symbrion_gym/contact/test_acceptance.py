@@ -27,7 +27,6 @@ def make(mean=0.001, p95=0.002, uncovered=0.0, count=10, protrusion=0.0):
         (make(mean=0.02), "misses"),
         (make(protrusion=0.0005), ""),
         (make(protrusion=0.002), "protrusion_p95"),
-        (make(count=15), ""),
         (make(count=16), "16 pieces for 10"),
         (make(count=2000), "misses"),
         (make(mean=0.00305), "misses what is wanted 1.02-fold"),

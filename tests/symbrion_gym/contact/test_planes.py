@@ -22,13 +22,6 @@ def test_finds_the_planes_of_the_course_closer_than_the_noise(num_vertices, nois
         assert gap.min() < 0.015, (x, z, offset)
 
 
-def test_equal_meshes_give_equal_planes():
-    mesh = make_scanned_surface(Course(pit=0.40).profile(), num_vertices=800)
-    first, second = find_planes(mesh, 0.003), find_planes(mesh.copy(), 0.003)
-    assert np.array_equal(first.labels, second.labels)
-    assert np.array_equal(first.normals, second.normals)
-
-
 def test_refuses_a_mesh_without_area():
     with pytest.raises(ArenaError, match="area"):
         find_planes(trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], process=False), 0.003)

@@ -52,9 +52,8 @@ def test_sorted_heights_find_the_nearest_of_a_cell():
     found = heights.find_nearest(np.array([1, 1, 1, 2, 3, -1]), np.array([1.6, -9.0, 0.1, 0.0, 5.0, 0.0]))
     assert heights.heights[found[[0, 1, 2, 4]]].tolist() == [2.0, -1.0, 1.0, 0.0]
     assert found[[3, 5]].tolist() == [-1, -1]
-    assert SortedHeights(np.zeros(0, int), np.zeros(0)).find_nearest(np.array([0]), np.zeros(1)).tolist() == [
-        -1
-    ]
+    nothing = SortedHeights(np.zeros(0, int), np.zeros(0))
+    assert nothing.find_nearest(np.array([0]), np.zeros(1)).tolist() == [-1]
 
 
 def make_square_grid(cells: int = 10):
