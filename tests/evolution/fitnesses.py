@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.scoring import Scoring
+from evolution._src.backends.trials import Outcome
 
 
 def minus_effort(outcome: Outcome, body) -> float:

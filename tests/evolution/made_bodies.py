@@ -1,7 +1,7 @@
 """A search for bodies on made physics: larger bodies go farther."""
 
 import evolution as ev
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Outcome
 from evolution._src.search.bodies.genome import genome_of
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from evolution._src.backends.cluster import make_backend
-from evolution._src.backends.simulation import Simulate
+from evolution._src.backends.pool import Simulate
 from evolution._src.errors import RunError
 from evolution._src.references import check_allowed
 from evolution._src.search.run import describe_origin

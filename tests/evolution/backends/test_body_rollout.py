@@ -8,8 +8,7 @@ import numpy as np
 import evolution as ev
 import symbrion_gym as sg
 from evolution._src.backends import body_rollout, rollout
-from evolution._src.backends.outcome import FAILED_PROGRESS
-from evolution._src.backends.trials import Job, make_failure
+from evolution._src.backends.trials import FAILED_PROGRESS, Job, make_failure
 from evolution._src.errors import NoEnvironmentError
 from evolution._src.search.bodies.genome import parse_genome
 from symbrion_gym._src.tasks.traverse import FarEnd
@@ -46,7 +45,7 @@ def test_a_search_goes_on_where_a_body_does_not_fit(monkeypatch, caplog):
     with caplog.at_level(logging.WARNING):
         run = ev.evolve_bodies(config)
     known, found = (
-        {result.body.num_modules: result for result in each.record.results if result.level == 0}
+        {result.body.num_modules: result for result in each.results if result.level == 0}
         for each in (usual, run)
     )
     assert known[2].seconds > 0.0

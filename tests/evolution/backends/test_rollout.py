@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from evolution._src.backends import rollout
-from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.rollout import make_environment_options, simulate, split_job
 from evolution._src.backends.settings import Randomization, RolloutConfig
-from evolution._src.backends.trials import Job, Trials
+from evolution._src.backends.trials import Job, Outcome, Trials
 from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
 from evolution._src.errors import RunError

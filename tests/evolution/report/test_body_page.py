@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import made_bodies
 import pytest
+from evolution._src.search.bodies.record import BodyRecord
 
 import evolution as ev
 from evolution._src.errors import RunError
 from evolution._src.report.body_page import make_body_page
-from evolution._src.search.bodies.confirmation import CONFIRMATION
 from evolution._src.search.bodies.genome import genome_of
-from evolution._src.search.bodies.record import BodyRecord
 from evolution._src.search.bodies.run import BodyRun
+from evolution._src.search.record import CONFIRMATION
 
 
 def test_each_of_the_fittest_has_a_card_with_its_plan(tmp_path):

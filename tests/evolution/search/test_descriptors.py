@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.scoring import RECORDERS, StoredDescriptors, check_descriptors
+from evolution._src.backends.trials import Outcome
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.evaluation import evaluate

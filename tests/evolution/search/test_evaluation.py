@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import toys
+from evolution._src.backends.simulation import find_simulate, name_simulate
 
-from evolution._src.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution._src.backends.scoring import Scoring
 from evolution._src.backends.settings import Randomization
-from evolution._src.backends.simulation import find_simulate, name_simulate
+from evolution._src.backends.trials import FAILED_PROGRESS, Outcome
 from evolution._src.errors import RunError
 from evolution._src.search.evaluation import evaluate, make_backend
 

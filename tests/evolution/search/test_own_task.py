@@ -6,8 +6,8 @@ from dataclasses import replace
 import own_task
 import pytest
 import toys
-
 from evolution._src.backends.stored_task import StoredTask
+
 from evolution._src.champions.playback import judge, make_champion_trials
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig

@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-import evolution as ev
-from evolution._src.backends.outcome import Outcome
-from evolution._src.backends.trials import Job
-from evolution._src.errors import RunError
-from evolution._src.search.bodies.config import ALGORITHMS, BodiesConfig, BodyEvolutionConfig
-from evolution._src.search.bodies.genome import enumerate_bodies, genome_of, parse_genome
-from evolution._src.search.bodies.learning import LearningConfig
 from evolution._src.search.bodies.loop import evolve_bodies, load_bodies, resume_bodies
 from evolution._src.search.bodies.record import BodyRecord
+
+import evolution as ev
+from evolution._src.backends.trials import Job, Outcome
+from evolution._src.errors import RunError
+from evolution._src.search.bodies.config import ALGORITHMS, BodiesConfig, BodyEvolutionConfig, LearningConfig
+from evolution._src.search.bodies.genome import enumerate_bodies, genome_of, parse_genome
 from evolution._src.search.loop import load_run
 
 BEST = "b(b(.)m(.))"
@@ -90,7 +88,7 @@ def test_a_kill_within_an_iteration_loses_only_that(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         evolve_bodies(make_config(folder=tmp_path / "killed"), simulate=dying)
-    assert load_bodies(tmp_path / "killed").record.num_results > 0
+    assert load_bodies(tmp_path / "killed").record.num_generations > 0
     resumed = resume_bodies(tmp_path / "killed", simulate=landscape)
     assert find_bytes(resumed) == find_bytes(evolve_bodies(make_config(), simulate=landscape))
 
@@ -98,7 +96,7 @@ def test_a_kill_within_an_iteration_loses_only_that(tmp_path):
 def test_exhaustive_search_tries_every_body_once_and_ends():
     bodies = BodiesConfig(algorithm="exhaustive", smallest=2, largest=4, children=10)
     run = evolve_bodies(make_config(bodies=bodies, iterations=100), simulate=landscape)
-    tried = [result.body.text for result in run.record.results if result.level == 2]
+    tried = [result.body.text for result in run.results if result.level == 2]
     assert sorted(tried) == sorted(body.text for count in (2, 3, 4) for body in enumerate_bodies(count))
     assert len(run.history) == 4
 
@@ -118,16 +116,16 @@ def test_as_many_learn_on_as_make_all_levels_cost_the_same():
     assert [cheap.count_trials(level) for level in range(2)] == [1, 3 * 4 + 2]
     config = make_config(iterations=20, learning=cheap, bodies=replace(BODIES, smallest=6))
     run = evolve_bodies(config, simulate=landscape)
-    counts = [sum(result.level == level for result in run.record.results) for level in range(2)]
+    counts = [sum(result.level == level for result in run.results) for level in range(2)]
     assert 14 * (counts[1] - 2) <= counts[0] <= 14 * counts[1]
 
 
 def test_the_fitness_of_a_body_is_that_of_its_exam():
     """The best sample of learning is flattered by its luck; the exam has other conditions."""
     run = evolve_bodies(make_config(), simulate=landscape)
-    flattery = [max(result.curve) - result.fitness for result in run.record.results]
+    flattery = [max(result.curve) - result.fitness for result in run.results]
     assert np.mean(flattery) != 0.0
-    assert all(result.trials == LEARNING.exam_trials for result in run.record.results)
+    assert all(result.trials == LEARNING.exam_trials for result in run.results)
 
 
 def test_mirror_images_are_one_body():

@@ -3,14 +3,14 @@
 import made_bodies
 import numpy as np
 import pytest
+from evolution._src.search.bodies.record import BodyRecord
 
 import evolution as ev
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Outcome
 from evolution._src.errors import RunError
-from evolution._src.search.bodies.confirmation import CONFIRMATION, confirm, find_candidates
 from evolution._src.search.bodies.genome import genome_of
-from evolution._src.search.bodies.record import BodyRecord
 from evolution._src.search.bodies.run import BodyRun
+from evolution._src.search.record import CONFIRMATION, confirm, find_candidates
 
 RELIABLE = 2
 """Modules of bodies that always succeed."""
@@ -42,8 +42,8 @@ def test_the_most_reliable_candidate_is_the_champion(run):
 
 
 def test_candidates_that_fail_get_no_further_round(run):
-    bodies = len(run.record.results)
-    reliable = sum(each.body.num_modules == RELIABLE for each in run.record.results)
+    bodies = len(run.results)
+    reliable = sum(each.body.num_modules == RELIABLE for each in run.results)
     confirmed = confirm(run, candidates=bodies, simulate=simulate)
     assert confirmed.seconds == 48 * reliable + 8 * (bodies - reliable)
 
@@ -77,7 +77,7 @@ def test_trials_begin_where_those_of_the_final_test_do(start, expected):
 
 
 def test_each_body_is_a_candidate_once_with_its_fittest_result(run):
-    results = run.record.results
+    results = run.results
     better = results[0]._replace(level=1, fitness=99.0)
     chosen = find_candidates([*results, better], 3)
     assert chosen[0] is better
@@ -86,8 +86,8 @@ def test_each_body_is_a_candidate_once_with_its_fittest_result(run):
 
 
 def test_without_exams_the_best_of_learning_counts(run):
-    untried = [result._replace(trials=0, successes=0) for result in run.record.results]
-    examined = run.record.results[0]._replace(fitness=-5.0)
+    untried = [result._replace(trials=0, successes=0) for result in run.results]
+    examined = run.results[0]._replace(fitness=-5.0)
     assert find_candidates(untried, 1)[0].fitness == max(result.fitness for result in untried)
     assert find_candidates([*untried, examined], 4) == [examined]
 

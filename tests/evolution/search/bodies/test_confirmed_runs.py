@@ -4,11 +4,11 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Outcome
 from evolution._src.errors import RunError
-from evolution._src.search.bodies.confirmation import CONFIRMATION
 from evolution._src.search.bodies.genome import genome_of
 from evolution._src.search.bodies.run import CHAMPION, CONFIRMED, RECORD, TABLE
+from evolution._src.search.record import CONFIRMATION
 
 FILES = (RECORD, TABLE, CHAMPION, CONFIRMED)
 COUNT = 8

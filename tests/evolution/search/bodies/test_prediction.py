@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from evolution._src.search.bodies.prediction import MAX_LESSONS, Prediction, describe_shape
 
 from evolution._src.search.bodies.algorithms import SurrogateSearch
-from evolution._src.search.bodies.config import BodiesConfig
+from evolution._src.search.bodies.config import BodiesConfig, LearningConfig, LevelResult
 from evolution._src.search.bodies.genome import enumerate_bodies, parse_genome
-from evolution._src.search.bodies.learning import LearningConfig, LevelResult
-from evolution._src.search.bodies.prediction import MAX_LESSONS, Prediction, describe_shape
 
 BODIES = [body for count in range(1, 5) for body in enumerate_bodies(count)]
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from evolution._src.search.bodies.variation import OPERATORS, BodyLimits, cross_over, make_random_body, mutate
 
 from evolution._src.errors import RunError
 from evolution._src.search.bodies.genome import BodyGenome, enumerate_bodies, is_possible, parse_genome
-from evolution._src.search.bodies.variation import OPERATORS, BodyLimits, cross_over, make_random_body, mutate
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
