@@ -8,6 +8,7 @@ import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
+import msgspec
 import numpy as np
 from jaxtyping import Float, Shaped
 
@@ -45,8 +46,8 @@ tried, `champion_*` the validation trials of the champion so far. In a search fo
 TIMES = ("wall_seconds",)  # Columns that differ between equal runs
 _NUMBERS = ("generation", "kind", "index")
 _MEASURES = {"progress": float, "effort": float, "seconds": float, "diverged": int, "error": str}
-_DESCRIPTOR, _COUNT, _SHAPE = "descriptor_", "descriptor_count", "_shape"
-_MAX_AXES = 8
+_Packed: TypeAlias = list[list[dict[str, tuple[tuple[int, ...], bytes]]]]
+"""Shape and content of each array that is kept of each trial of each entry."""
 
 
 class Attempt(NamedTuple):
@@ -143,8 +144,8 @@ class Record:
         """Return the content of the file."""
         buffer = io.BytesIO()
         arrays = {f"entry_{name}": column for name, column in self.columns().items()}
-        arrays |= _pack([entry.outcome.descriptors for entry in self.entries])
         arrays |= {"format": np.array(FORMAT), "digest": np.array(digest), "history": self.history}
+        arrays["descriptors"] = _pack([entry.outcome.descriptors for entry in self.entries])
         np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
         return buffer.getvalue()
 
@@ -170,19 +171,17 @@ class Record:
 
     @classmethod
     def _from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "Record":
-        history, columns = arrays["history"], {}
-        for name, column in arrays.items():
-            if name.startswith("entry_"):
-                columns[name.removeprefix("entry_")] = column
+        history = arrays["history"]
+        names = [name for name in arrays if name.startswith("entry_")]
+        columns = {name.removeprefix("entry_"): arrays[name] for name in names}
         if history.dtype != HISTORY:
             raise ValueError(f"history has columns {history.dtype.names}")
         if not np.array_equal(history["generation"], np.arange(len(history))):
             raise ValueError("generations are missing")
         if len({len(column) for column in columns.values()}) != 1 or columns["genotype"].dtype != "<f8":
             raise ValueError("columns differ in length")
-        descriptors = _unpack(arrays, len(columns["kind"]))
         record = cls(history=history)
-        for row, kept in enumerate(descriptors):
+        for row, kept in zip(range(len(columns["kind"])), _unpack(arrays["descriptors"]), strict=True):
             value = {name: column[row].item() for name, column in columns.items() if name != "genotype"}
             succeeded = tuple(flag == "1" for flag in str(value["succeeded"]))
             measures = {name: kind(value[name]) for name, kind in _MEASURES.items()}
@@ -199,40 +198,25 @@ class Record:
         return record
 
 
-def _pack(records: Sequence[Sequence[Mapping[str, np.ndarray]]]) -> dict[str, np.ndarray]:
-    """Return arrays of the descriptors of entries; none where there are no descriptors."""
-    flat = [trial for trials in records for trial in trials]
-    if not flat:
-        return {}
-    arrays = {_COUNT: np.array([len(trials) for trials in records], dtype="<i4")}
-    for name in flat[0]:
-        values = [trial[name] for trial in flat]
-        shapes = np.full((len(values), _MAX_AXES), -1, dtype="<i4")
-        for row, value in enumerate(values):
-            shapes[row, : value.ndim] = value.shape
-        arrays[f"{_DESCRIPTOR}{name}"] = np.concatenate([value.ravel() for value in values]).astype("<f8")
-        arrays[f"{_DESCRIPTOR}{name}{_SHAPE}"] = shapes
-    return arrays
+def _pack(records: Sequence[Sequence[Mapping[str, np.ndarray]]]) -> np.ndarray:
+    """Return bytes of the descriptors of all entries and trials."""
+    content = [
+        [
+            {name: (each.shape, each.astype("<f8").tobytes()) for name, each in trial.items()}
+            for trial in trials
+        ]
+        for trials in records
+    ]
+    return np.frombuffer(msgspec.msgpack.encode(content), np.uint8)
 
 
-def _unpack(arrays: Mapping[str, np.ndarray], num_entries: int) -> list[tuple[dict[str, np.ndarray], ...]]:
-    """Return the descriptors that `_pack` packed; of files without any, empty ones."""
-    if _COUNT not in arrays:
-        return [()] * num_entries
-    counts = arrays[_COUNT]
-    if len(counts) != num_entries or counts.min(initial=0) < 0:
-        raise ValueError("descriptors do not belong to the entries")
-    flat: list[dict[str, np.ndarray]] = [{} for _ in range(int(counts.sum()))]
-    for key, shapes in arrays.items():
-        if not (key.startswith(_DESCRIPTOR) and key.endswith(_SHAPE)):
-            continue
-        values = arrays[key.removesuffix(_SHAPE)]
-        lengths = [tuple(int(axis) for axis in shape if axis >= 0) for shape in shapes]
-        sizes = [int(np.prod(length, dtype=np.int64)) for length in lengths]
-        if shapes.shape != (len(flat), _MAX_AXES) or values.dtype != "<f8" or sum(sizes) != len(values):
-            raise ValueError("shapes of descriptors do not belong to their values")
-        parts = np.split(values, np.cumsum(sizes)[:-1])
-        for trial, part, length in zip(flat, parts, lengths, strict=True):
-            trial[key.removeprefix(_DESCRIPTOR).removesuffix(_SHAPE)] = part.reshape(length)
-    ends = np.cumsum(counts)
-    return [tuple(flat[end - count : end]) for end, count in zip(ends, counts, strict=True)]
+def _unpack(packed: np.ndarray) -> list[tuple[dict[str, np.ndarray], ...]]:
+    """Return the descriptors that `_pack` packed."""
+    content = msgspec.msgpack.decode(packed.tobytes(), type=_Packed)
+    return [
+        tuple(
+            {name: np.frombuffer(data, "<f8").reshape(shape) for name, (shape, data) in trial.items()}
+            for trial in trials
+        )
+        for trials in content
+    ]

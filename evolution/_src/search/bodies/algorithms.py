@@ -20,10 +20,10 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import islice, pairwise, product
 from math import ceil
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig, LearningConfig
 from evolution._src.search.bodies.genome import (
@@ -70,19 +70,7 @@ class LevelResult(NamedTuple):
     seconds: float  # simulated in this level [s]
 
 
-class Algorithm(Protocol):
-    """A search for bodies. It draws from a generator of its own, so that equal results give equal proposals."""
-
-    def ask(self) -> list[Assignment]:
-        """Return what shall be learned next; nothing where the search has come to its end."""
-        ...
-
-    def tell(self, results: Sequence[LevelResult]) -> None:
-        """Take what was learned, in the order of the assignments."""
-        ...
-
-
-def make_algorithm(config: BodyEvolutionConfig) -> Algorithm:
+def make_algorithm(config: BodyEvolutionConfig) -> SurrogateSearch | ListSearch:
     """Return the algorithm of a run, with a random generator of its own."""
     rng = np.random.default_rng((config.seed, *config.bodies.algorithm.encode()))
     if config.bodies.algorithm == "surrogate":
@@ -193,20 +181,12 @@ def _choose(prediction: Prediction, bodies: Sequence[BodyGenome], count: int) ->
     return [bodies[index] for index in order[:count]]
 
 
-class _Levels(NamedTuple):
+class _Results(NamedTuple):
     """Results as numbers."""
 
     shapes: Float[np.ndarray, "N 7"]  # of the bodies, see `describe_shape`
     bodies: Int[np.ndarray, " N"]  # number of each body; equal for equal bodies
     levels: Int[np.ndarray, " N"]  # index of the level
-
-
-class _Likeness(NamedTuple):
-    """How results differ from others."""
-
-    squares: Float[np.ndarray, "N M"]  # squared distances of the shapes
-    is_same: Bool[np.ndarray, "N M"]  # whether the body is the same one
-    levels: Int[np.ndarray, "N M"]  # levels between them
 
 
 @lru_cache(maxsize=20_000)
@@ -233,70 +213,68 @@ class Prediction:
         self._known = self._to_numbers([each.body for each in results], [each.level for each in results])
         fitness = np.array([each.fitness for each in results])
         self._centers, self._spreads = _find_scales(fitness, self._known, last)
-        self._values = (fitness - self._centers[self._known.levels]) / self._spreads[self._known.levels]
-        likeness = _compare(self._known, self._known)
-        self._parameters = _find_likeliest(likeness, self._values)
-        covariance = _compute_covariance(likeness, self._parameters[:3])
-        covariance += (self._parameters[3] + _SMALLEST_SPREAD) * np.eye(len(covariance))
-        self._root = np.linalg.cholesky(covariance)
-        self._weights = np.linalg.solve(self._root.T, np.linalg.solve(self._root, self._values))
+        values = (fitness - self._centers[self._known.levels]) / self._spreads[self._known.levels]
+        compared = _compare(self._known, self._known)
+        self._parameters, noise = _find_likeliest(compared, values)
+        covariance = _compute_covariance(compared, self._parameters)
+        self._root = np.linalg.cholesky(covariance + (noise + _SMALLEST_SPREAD) * np.eye(len(covariance)))
+        self._weights = np.linalg.solve(self._root.T, np.linalg.solve(self._root, values))
 
     def predict(
         self, bodies: Sequence[BodyGenome]
     ) -> tuple[Float[np.ndarray, " B"], Float[np.ndarray, " B"]]:
         """Return mean and standard deviation of what bodies will know at the end of the last level."""
         asked = self._to_numbers(bodies, [self._last] * len(bodies))
-        shared = _compute_covariance(_compare(asked, self._known), self._parameters[:3])
+        shared = _compute_covariance(_compare(asked, self._known), self._parameters)
         explained = np.linalg.solve(self._root, shared.T)
         variance = np.maximum(1.0 - np.sum(explained**2, axis=0), 0.0)
         center, spread = self._centers[self._last], self._spreads[self._last]
         return center + spread * (shared @ self._weights), spread * np.sqrt(variance)
 
-    def _to_numbers(self, bodies: Sequence[BodyGenome], levels: Sequence[int]) -> _Levels:
+    def _to_numbers(self, bodies: Sequence[BodyGenome], levels: Sequence[int]) -> _Results:
         texts = [body.canonical_text for body in bodies]
         numbers = [self._numbers.setdefault(text, len(self._numbers)) for text in texts]
-        return _Levels(
+        return _Results(
             np.array([describe_shape(text) for text in texts]), np.array(numbers), np.array(levels)
         )
 
 
 def _find_likeliest(
-    likeness: _Likeness, values: Float[np.ndarray, " N"]
-) -> tuple[float, float, float, float]:
-    """Return the parameters of the grid under which the values are likeliest, of equals the first."""
+    compared: tuple[np.ndarray, np.ndarray, np.ndarray], values: Float[np.ndarray, " N"]
+) -> tuple[tuple[float, float, float], float]:
+    """Return l, b and c, and n, of the grid under which the values are likeliest, of equals the first."""
     from scipy.linalg import cho_solve, cholesky
 
-    best, likeliest = -np.inf, (_REACHES[0], _OWN[0], _BETWEEN[0], _NOISES[0])
-    near = {reach: np.exp(-0.5 * likeness.squares / reach**2) for reach in _REACHES}
-    far = {between: between**likeness.levels for between in _BETWEEN}
-    for reach, own, between in product(_REACHES, _OWN, _BETWEEN):
-        shared = ((1.0 - own) * near[reach] + own * likeness.is_same) * far[between]
+    best, likeliest = -np.inf, ((_REACHES[0], _OWN[0], _BETWEEN[0]), _NOISES[0])
+    for parameters in product(_REACHES, _OWN, _BETWEEN):
+        shared = _compute_covariance(compared, parameters)
         for noise in _NOISES:
             covariance = shared + (noise + _SMALLEST_SPREAD) * np.eye(len(shared))
             root = cholesky(covariance, lower=True, overwrite_a=True, check_finite=False)
             weights = cho_solve((root, True), values, check_finite=False)
             likelihood = -0.5 * float(values @ weights) - float(np.log(np.diag(root)).sum())
             if likelihood > best:
-                best, likeliest = likelihood, (reach, own, between, noise)
+                best, likeliest = likelihood, (parameters, noise)
     return likeliest
 
 
-def _compare(first: _Levels, second: _Levels) -> _Likeness:
-    return _Likeness(
-        squares=np.sum((first.shapes[:, None] - second.shapes[None]) ** 2, axis=-1),
-        is_same=first.bodies[:, None] == second.bodies[None],
-        levels=np.abs(first.levels[:, None] - second.levels[None]),
-    )
+def _compare(first: _Results, second: _Results) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return squared distances of shapes, whether bodies are the same, and levels between them, each `[N, M]`."""
+    squares = np.sum((first.shapes[:, None] - second.shapes[None]) ** 2, axis=-1)
+    is_same = first.bodies[:, None] == second.bodies[None]
+    return squares, is_same, np.abs(first.levels[:, None] - second.levels[None])
 
 
-def _compute_covariance(likeness: _Likeness, parameters: Sequence[float]) -> Float[np.ndarray, "N M"]:
-    reach, own, between = parameters
-    alike = (1.0 - own) * np.exp(-0.5 * likeness.squares / reach**2) + own * likeness.is_same
-    return alike * between**likeness.levels
+def _compute_covariance(
+    compared: tuple[np.ndarray, np.ndarray, np.ndarray], parameters: tuple[float, float, float]
+) -> Float[np.ndarray, "N M"]:
+    """Return the covariance of what is known without noise, at l, b and c."""
+    (squares, is_same, levels), (reach, own, between) = compared, parameters
+    return ((1.0 - own) * np.exp(-0.5 * squares / reach**2) + own * is_same) * between**levels
 
 
 def _find_scales(
-    fitness: Float[np.ndarray, " N"], results: _Levels, last: int
+    fitness: Float[np.ndarray, " N"], results: _Results, last: int
 ) -> tuple[Float[np.ndarray, " R"], Float[np.ndarray, " R"]]:
     """Return the center of each level, and the spread around it.
 

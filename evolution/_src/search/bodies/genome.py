@@ -27,7 +27,7 @@ SOCKETS = ("back", "left", "right")
 Path = tuple[str, ...]  # The sockets from the root to a module
 Limits = tuple[int, int]  # Smallest and largest number of modules
 _OPPOSITE = {"back": "back", "left": "right", "right": "left"}
-_LETTERS = {"back": "b", "left": "l", "right": "r"}
+_SOCKETS = {"b": "back", "l": "left", "r": "right", "m": "left"}  # By letters of a genome's text
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,8 @@ class BodyGenome:
 
     def mirror(self) -> BodyGenome:
         """Return the mirror image: left and right swapped all over."""
-        if self.is_mirrored and self.left is not None:
-            return replace(
-                self, back=self.back and self.back.mirror()
-            )  # both sides are there, so that only the back changes
+        if self.is_mirrored:  # both sides are there, so that only the back changes
+            return replace(self, back=self.back and self.back.mirror())
         return join_limbs({_OPPOSITE[socket]: limb.mirror() for socket, limb in self.limbs})
 
     @cached_property
@@ -90,7 +88,7 @@ class BodyGenome:
         if self.is_mirrored and self.left is not None:
             pair = f"m({self.left.text})"
             return f"b({self.back.text}){pair}" if self.back is not None else pair
-        return "".join(f"{_LETTERS[socket]}({limb.text})" for socket, limb in self.limbs) or "."
+        return "".join(f"{socket[0]}({limb.text})" for socket, limb in self.limbs) or "."
 
     @cached_property
     def canonical_text(self) -> str:
@@ -174,55 +172,26 @@ def make_row(num_modules: int) -> BodyGenome:
     return row
 
 
-def genome_of(organism: Organism) -> BodyGenome:
-    """Return the genome of an organism; nothing in it is mirrored."""
-    children: dict[int, dict[str, int]] = {module: {} for module in range(organism.num_modules)}
-    roots = set(children)
-    for docking in organism.dockings:
-        ends = docking.ends
-        arms = [end for end in ends if end[1] == "front"]
-        if len(arms) != 1:
-            raise RunError(
-                f"modules {docking.first} and {docking.second} are docked {docking.first_side} to "
-                f"{docking.second_side}; an evolved body docks arms (front) to sockets (back, left, right)"
-            )
-        (child, _), (parent, socket) = arms[0], ends[1 - ends.index(arms[0])]
-        children[parent][socket] = child
-        roots.discard(child)
-
-    def grow(module: int) -> BodyGenome:
-        return join_limbs({socket: grow(child) for socket, child in children[module].items()})
-
-    return grow(min(roots))
-
-
 def parse_genome(text: str) -> BodyGenome:
     """Return the genome that a text describes, as `BodyGenome.text` writes it."""
-    genome, end = _parse(text, 0, text)
-    if end != len(text):
-        raise RunError(f"cannot read the genome {text!r}: {text[end]!r} at character {end}")
+    genome = _parse(iter(text))
+    if genome.text != text:
+        raise RunError(f"cannot read the genome {text!r}; one such as 'b(b(.)m(.))' is needed")
     return genome
 
 
-def _parse(text: str, place: int, whole: str) -> tuple[BodyGenome, int]:
-    """Return a genome and where its text ends."""
-    if text[place : place + 1] == ".":
-        return BodyGenome(), place + 1
+def _parse(letters: Iterator[str]) -> BodyGenome:
+    """Return the genome up to the bracket that closes it; what is no genome becomes another one's text."""
     limbs: dict[str, BodyGenome] = {}
     is_mirrored = False
-    names = {letter: socket for socket, letter in _LETTERS.items()} | {"m": "left"}
-    while text[place : place + 1] in names and text[place : place + 1]:
-        letter = text[place]
-        if names[letter] in limbs or (letter == "r" and is_mirrored) or text[place + 1 : place + 2] != "(":
-            raise RunError(f"cannot read the genome {whole!r}: {letter!r} at character {place}")
-        limbs[names[letter]], place = _parse(text, place + 2, whole)
-        if text[place : place + 1] != ")":
-            raise RunError(f"cannot read the genome {whole!r}: ')' is missing at character {place}")
-        place += 1
-        is_mirrored |= letter == "m"
-    if not limbs:
-        raise RunError(f"cannot read the genome {whole!r}: no limb and no '.' at character {place}")
-    return BodyGenome(**limbs, is_mirrored=is_mirrored), place
+    for letter in letters:
+        if letter == ")":
+            break
+        if letter in _SOCKETS:
+            next(letters, "")  # the opening bracket
+            limbs[_SOCKETS[letter]] = _parse(letters)
+            is_mirrored |= letter == "m"
+    return BodyGenome(**limbs, is_mirrored=is_mirrored)
 
 
 def is_possible(genome: BodyGenome) -> bool:
