@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 from reconstruction._src.base.lazy import export_lazily
 
 if TYPE_CHECKING:
-    from evolution._src.backends.scoring import Scoring
+    from evolution._src.backends.scoring import Outcome, Scoring
     from evolution._src.backends.settings import Randomization, RolloutConfig
-    from evolution._src.backends.trials import Outcome
     from evolution._src.champions.playback import ChampionPolicy, Recording, judge, play
     from evolution._src.controllers.config import ControllerConfig
     from evolution._src.controllers.finding import find_controller

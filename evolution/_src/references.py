@@ -72,18 +72,14 @@ def _list_names(content: Any) -> list[str]:
         return [name for each in content for name in _list_names(each)]
     if not isinstance(content, dict):
         return []
-    name = content.get("type", content.get("function"))
-    is_own = not isinstance(name, str) or _find_module(name).partition(".")[0] in OWN_PACKAGES
-    return _list_names(list(content.values())) + ([] if is_own else [name])
-
-
-def _find_module(name: str) -> str:
-    return name.partition(":")[0]
+    name = content.get("type", content.get("function", ""))
+    own = [name] if isinstance(name, str) and name.partition(".")[0] not in (*OWN_PACKAGES, "") else []
+    return _list_names(list(content.values())) + own
 
 
 def check_allowed(name: str, what: str, allow: Collection[str]) -> None:
     """Refuse to import what a file names, unless the caller has allowed its module."""
-    module = _find_module(name)
+    module = name.partition(":")[0]
     if not is_allowed(module, allow):
         raise RunError(
             f"{what} {name} is code that a file names, and none is run unless it is allowed: "
@@ -100,17 +96,29 @@ def find_object(name: str, what: str) -> Any:
 
 
 def find_value(name: str, what: str) -> Any:
-    """Import what "module:name" names; None where the module has no such name."""
-    module, _, qualname = name.partition(":")
-    if not module or not qualname:
-        raise RunError(f"{what} is {name!r}; give 'module:name'")
+    """Import what "module:name" names."""
+    module, parts = split_name(name, what)
     try:
         found: Any = importlib.import_module(module)
     except Exception as error:  # importing runs code of the user
-        raise RunError(f"{what} {name} cannot be imported: {error}; is its folder on PYTHONPATH?") from error
-    for part in qualname.split("."):
-        found = getattr(found, part, None)
+        raise RunError(
+            f"{what} {name!r}: module {module!r} cannot be imported ({type(error).__name__}: {error}); "
+            "start in the folder that contains it, or add that folder to PYTHONPATH"
+        ) from error
+    for part in parts:
+        if not hasattr(found, part):
+            public = [each for each in vars(found) if not each.startswith("_")]
+            raise RunError(f"{what} {name!r}: there is no {part!r} in it; there are: {', '.join(public)}")
+        found = getattr(found, part)
     return found
+
+
+def split_name(name: str, what: str) -> tuple[str, list[str]]:
+    """Return the module and the parts of the name of "module:name"."""
+    module, _, path = name.partition(":")
+    if not all(part.isidentifier() for part in (*module.split("."), *path.split("."))):
+        raise RunError(f'{what} is {name!r}; "module:name" is needed, such as "my_package.walking:Wave"')
+    return module, path.split(".")
 
 
 def find_version(owner: Any, what: str) -> str:

@@ -1,7 +1,7 @@
 """A search for bodies on made physics: larger bodies go farther."""
 
 import evolution as ev
-from evolution._src.backends.trials import Outcome
+from evolution._src.backends.scoring import Outcome
 
 
 def simulate(jobs, threads):

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from evolution._src.backends.trials import Job, Outcome, Trials
+from evolution._src.backends.scoring import Outcome
+from evolution._src.backends.trials import Job, Trials
 from evolution._src.errors import RunError
 
 MARK = "SYMBRION_TEST_MARK"

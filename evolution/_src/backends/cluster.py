@@ -16,7 +16,8 @@ from evolution._src.backends.pool import (
     name_simulate,
     run_isolated,
 )
-from evolution._src.backends.trials import Job, Outcome
+from evolution._src.backends.scoring import Outcome
+from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import check_choice

@@ -10,7 +10,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from evolution._src.backends.trials import Job, Outcome, make_failure
+from evolution._src.backends.scoring import Outcome
+from evolution._src.backends.trials import Job, make_failure
 from evolution._src.errors import RunError
 
 BATCHES_PER_WORKER = 2

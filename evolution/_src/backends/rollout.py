@@ -17,11 +17,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import CONDITIONS, MAX_ENVIRONMENTS
 from evolution._src.backends.trials import (
     FAILED_PROGRESS,
     Job,
-    Outcome,
     Trials,
     find_arena_key,
     find_trial_controller,
@@ -265,7 +265,7 @@ def _run_trials(
     environment: OrganismVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
     rows = _Rows(environment, controller, trials)
-    shape, structure = environment.action_space.shape or (), environment.observation_structure
+    shape, structure = environment.action_space.shape or (0,), environment.observation_structure
     records = environment.read_records if environment.config.recorders else None
     state = controller.begin(environment.num_envs)
     results: dict[tuple[int, int], TrialResult] = {}

@@ -1,12 +1,14 @@
-"""The fitness of an outcome (the weights that ship, or any function of a user), and what is kept of trials."""
+"""The outcome of trials and its fitness, by the weights that ship or any function of a user; what is kept of trials."""
 
 from __future__ import annotations
 
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+import numpy as np
 
 from evolution._src.errors import RunError
 from evolution._src.references import Stored, find_object
@@ -21,11 +23,43 @@ from symbrion_gym._src.tasks.recorders import (
 )
 
 if TYPE_CHECKING:
-    from evolution._src.backends.trials import Outcome
     from symbrion_gym._src.robot.organism import Organism
 
 ScoringFunction: TypeAlias = "Callable[[Outcome, Organism], float]"
 _MAX_WEIGHT = 1e6  # Largest weight of a term of the fitness [m of progress]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of a genotype's trials.
+
+    Attributes:
+        progress: progress of the whole body, mean over trials [m].
+        effort: mean over trials.
+        succeeded: for each trial, whether the strict success check passed.
+        seconds: simulated, summed over trials [s].
+        diverged: number of trials whose physics diverged.
+        error: why it could not be tried; empty if it could.
+        descriptors: for each trial, what `TrialConfig.descriptors` kept of it: name -> numbers; empty without any.
+    """
+
+    progress: float
+    effort: float
+    succeeded: tuple[bool, ...]
+    seconds: float = 0.0
+    diverged: int = 0
+    error: str = ""
+    descriptors: tuple[dict[str, np.ndarray], ...] = field(default=(), compare=False)
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return len(self.succeeded)
+
+    @property
+    def successes(self) -> int:
+        """Number of successful trials."""
+        return sum(self.succeeded)
 
 
 @dataclass(frozen=True)
@@ -46,8 +80,8 @@ class Scoring:
     module: float = 0.05
 
     def __post_init__(self) -> None:
-        weights = dict.fromkeys(("success", "effort", "module"), (-_MAX_WEIGHT, _MAX_WEIGHT))
-        coerce_floats(self, weights, RunError)
+        limits = (-_MAX_WEIGHT, _MAX_WEIGHT)
+        coerce_floats(self, {"success": limits, "effort": limits, "module": limits}, RunError)
 
     def __call__(self, outcome: Outcome, body: Organism) -> float:
         """Return the fitness of an outcome of a body."""
@@ -117,7 +151,7 @@ def _find_recorder(given: Any) -> Recorder:
     if isinstance(given, Recorder) and not isinstance(given, type):
         return given
     if callable(given):
-        return Descriptor(getattr(given, "__name__", type(given).__name__), given)
+        return Descriptor(getattr(given, "__name__", type(given).__name__), cast(Any, given))
     raise RunError(
         f"descriptors has {given!r}; a recorder, a function of the state, or one of {', '.join(RECORDERS)} is needed"
     )

@@ -1,4 +1,4 @@
-"""The trials of a genotype and their outcome.
+"""The trials of a genotype.
 
 A `Job` describes everything that decides its outcome; the worker, the other jobs and the number of threads have no
 influence. That is why batch, processes and a Ray cluster give equal results.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import BodyConfig, TrialConfig
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
@@ -30,39 +31,6 @@ if TYPE_CHECKING:
 FAILED_PROGRESS = -1.0
 """Progress [m] of a trial that could not be finished: below any that a finished trial can have."""
 _MAX_ERROR_LENGTH = 200  # Characters of an error that a record keeps
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The result of a genotype's trials.
-
-    Attributes:
-        progress: progress of the whole body, mean over trials [m].
-        effort: mean over trials.
-        succeeded: for each trial, whether the strict success check passed.
-        seconds: simulated, summed over trials [s].
-        diverged: number of trials whose physics diverged.
-        error: why it could not be tried; empty if it could.
-        descriptors: for each trial, what `TrialConfig.descriptors` kept of it: name -> numbers; empty without any.
-    """
-
-    progress: float
-    effort: float
-    succeeded: tuple[bool, ...]
-    seconds: float = 0.0
-    diverged: int = 0
-    error: str = ""
-    descriptors: tuple[dict[str, np.ndarray], ...] = field(default=(), compare=False)
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return len(self.succeeded)
-
-    @property
-    def successes(self) -> int:
-        """Number of successful trials."""
-        return sum(self.succeeded)
 
 
 @dataclass(frozen=True, kw_only=True)

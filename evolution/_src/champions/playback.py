@@ -12,8 +12,9 @@ from jaxtyping import Bool, Float, UInt8
 
 from evolution._src.backends.cluster import make_backend
 from evolution._src.backends.rollout import make_environment_options
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import BodyConfig, EpisodeConfig, Randomization, take_fields
-from evolution._src.backends.trials import Job, Outcome, Trials, find_trial_controller
+from evolution._src.backends.trials import Job, Trials, find_trial_controller
 from evolution._src.controllers.protocol import Controller, Structure, check_genotypes, reset_rows
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_TRIALS

@@ -9,8 +9,8 @@ from jaxtyping import Float, Num
 
 from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.pool import Simulate
-from evolution._src.backends.scoring import Scoring, ScoringFunction, compute_fitness, find_scoring
-from evolution._src.backends.trials import Job, Outcome, Trials, check_tried, find_trial_controller
+from evolution._src.backends.scoring import Outcome, Scoring, ScoringFunction, compute_fitness, find_scoring
+from evolution._src.backends.trials import Job, Trials, check_tried, find_trial_controller
 from evolution._src.controllers.protocol import Controller, check_genotypes, warn_of_bounds
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_TRIALS

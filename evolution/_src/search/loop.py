@@ -9,13 +9,14 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
 from evolution._src.backends.cluster import LOCAL_BACKENDS, Backend, make_backend
 from evolution._src.backends.pool import Simulate
 from evolution._src.backends.rollout import simulate_bodies, warm_up
+from evolution._src.backends.scoring import Scoring
 from evolution._src.backends.settings import BodyConfig, TrialConfig, take_fields
 from evolution._src.backends.trials import Job, Trials, check_tried, prepare_arena
 from evolution._src.controllers.source import ControllerSource
@@ -47,14 +48,6 @@ OnGeneration = Callable[[Any], None]
 """Called with the run so far after each generation; the last row of `run.history` has the latest numbers."""
 CANDIDATES = 8  # Bodies that are tried again unless another number is given
 _MOST_CANDIDATES = 1000
-
-
-@overload
-def evolve(config: EvolutionConfig, **options: Any) -> Run: ...
-
-
-@overload
-def evolve(config: BodyEvolutionConfig, **options: Any) -> BodyRun: ...
 
 
 def evolve(
@@ -165,7 +158,9 @@ def evolve_bodies(
     progress: Progress = silent,
 ) -> BodyRun:
     """Search for bodies from the beginning: `evolve`, which calls `on_iteration` after each iteration."""
-    return evolve(config, simulate=simulate, on_generation=on_iteration, progress=progress)
+    run = evolve(config, simulate=simulate, on_generation=on_iteration, progress=progress)
+    assert isinstance(run, BodyRun)
+    return run
 
 
 def resume_bodies(folder: str | Path, *, on_iteration: OnGeneration | None = None, **options: Any) -> BodyRun:
@@ -242,7 +237,8 @@ def confirm(
     def tries(attempts: Sequence[Attempt]) -> list[Entry]:
         progress(f"candidates left: {len(attempts)}", len(blocks) / len(rules.rounds))
         blocks.append(len(attempts))
-        return try_attempts(attempts, backend, config.scoring, record.num_generations)
+        # the fitness of these is not read: a scoring of a user's, which may not be imported, is not needed
+        return try_attempts(attempts, backend, Scoring(), record.num_generations)
 
     blocks: list[int] = []
     with nullcontext() if folder is None else folder.lock():

@@ -12,7 +12,8 @@ import msgspec
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from evolution._src.backends.trials import Job, Outcome
+from evolution._src.backends.scoring import Outcome
+from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
 from reconstruction._src.base.bounded_read import read_npz
 

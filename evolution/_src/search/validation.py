@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import BodyConfig, EpisodeConfig
-from evolution._src.backends.trials import Outcome
 from evolution._src.controllers.finding import refer_to_controller
 from evolution._src.errors import RunError
 from evolution._src.references import (

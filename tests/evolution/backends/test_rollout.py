@@ -12,8 +12,9 @@ import symbrion_gym as sg
 from evolution._src.backends import rollout
 from evolution._src.backends.cluster import make_backend
 from evolution._src.backends.rollout import make_environment_options, simulate, split_job
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import Randomization, RolloutConfig
-from evolution._src.backends.trials import FAILED_PROGRESS, Job, Outcome, Trials, make_failure
+from evolution._src.backends.trials import FAILED_PROGRESS, Job, Trials, make_failure
 from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
 from evolution._src.errors import NoEnvironmentError, RunError

@@ -4,7 +4,7 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution._src.backends.trials import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.cli.main import run
 from evolution._src.search.bodies.run import describe_success
 from evolution._src.search.record import CONFIRMATION

@@ -175,7 +175,9 @@ def test_damaged_parts_of_a_file_are_refused(content):
 
 @pytest.mark.parametrize("name", ["fitnesses", "absent_module:f", "fitnesses:absent", "os:system"])
 def test_names_of_nothing_are_refused(name):
-    with pytest.raises(RunError, match=r"give 'module:name'|cannot be imported|no function or class"):
+    with pytest.raises(
+        RunError, match=r'"module:name" is needed|cannot be imported|there is no|no function or class'
+    ):
         find_object(name, "scoring")
 
 
@@ -223,11 +225,11 @@ def test_configs_survive_json_and_workers_change_no_digest():
         ({"generations": 1.5}, "generations"),
         ({"scoring": fitnesses.one_argument}, r"a function of \(outcome, body\)"),
         ({"scoring": 7}, "a function of"),
-        ({"scoring": "fitnesses:absent"}, "no function"),
+        ({"scoring": "fitnesses:absent"}, "there is no 'absent' in it; there are: .*Squared"),
         ({"scoring": fitnesses.Remembering}, "without arguments"),
         ({"task": "fly"}, "task is 'fly'; a `Task`, 'module:name' of one, or one of snake_pit, cross_gap"),
-        ({"task": "own_task:nothing"}, "task is 'own_task:nothing'"),
-        ({"task": "no_such_module:task"}, "task no_such_module:task cannot be imported"),
+        ({"task": "own_task:nothing"}, "task 'own_task:nothing': there is no"),
+        ({"task": "no_such_module:task"}, "task 'no_such_module:task': module .* cannot be imported"),
         ({"start": (1.0,)}, r"start is \(1.0,\)"),
         ({"goal": "far"}, "goal is 'far'"),
         ({"goal": (1.0, 0.0), "environment": {"goal": (2.0, 0.0)}}, "environment.goal"),

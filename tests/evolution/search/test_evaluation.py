@@ -9,9 +9,9 @@ import toys
 from evolution._src.backends import rollout
 from evolution._src.backends.cluster import make_backend
 from evolution._src.backends.pool import find_simulate, name_simulate
-from evolution._src.backends.scoring import Scoring
+from evolution._src.backends.scoring import Outcome, Scoring
 from evolution._src.backends.settings import Randomization
-from evolution._src.backends.trials import FAILED_PROGRESS, Outcome
+from evolution._src.backends.trials import FAILED_PROGRESS
 from evolution._src.controllers.protocol import OutOfBoundsWarning
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evolution._src.backends.trials import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.errors import RunError
 from evolution._src.search.record import EXAM, FORMAT, HISTORY, SAMPLE, VALIDATION, Entry, Record
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import toys
 
-from evolution._src.backends.trials import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evolution._src.backends.trials import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.commands.bench_suite import BenchSuite
 from evolution._src.errors import RunError
