@@ -390,8 +390,8 @@ _make_snake = lru_cache(maxsize=MAX_MODULES)(snake)
 def _as_point(name: str, values: Any) -> Point:
     try:
         point = as_floats(name, np.ravel(values).tolist(), -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
-    except (TypeError, ValueError, RunError) as error:
-        raise RunError(f"{name} is {values!r}; (x, y) or (x, y, z) in meters is needed") from error
+    except (TypeError, ValueError, RunError):
+        point = ()
     if len(point) not in (2, 3):
         raise RunError(f"{name} is {values!r}; (x, y) or (x, y, z) in meters is needed")
     return point
@@ -404,13 +404,8 @@ def _sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: 
     for name, value in found:
         if name in _OWN_FIELDS:
             raise RunError(f"environment.{name} is {value!r}, which would be overwritten; give {name} itself")
-        try:
-            hash(value)
-        except TypeError as error:
-            raise RunError(
-                f"environment.{name} is {value!r}; a number, text or list of these is needed"
-            ) from error
     try:
+        hash(found)
         EnvironmentConfig.from_options(dict(found) | {"task": None if isinstance(task, Stored) else task})
     except (TypeError, ValueError) as error:
         raise RunError(f"environment: {error}") from error

@@ -23,6 +23,7 @@ from jaxtyping import Float, Shaped
 from evolution._src.backends.settings import BodyConfig, EpisodeConfig, TrialConfig, take_fields
 from evolution._src.backends.trials import Job, Trials
 from evolution._src.controllers.finding import check_genotype
+from evolution._src.controllers.protocol import Controller
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.record import SAMPLE, VALIDATION, Attempt, Entry, Record, Try
 from evolution._src.search.validation import Champion, select_champion
@@ -37,26 +38,23 @@ _RESTART_RANGE = (0.25, 0.75)
 outside."""
 
 
-@dataclass(frozen=True)
-class Space:
-    """The space of genotypes."""
-
-    names: tuple[str, ...]  # one for each gene
-    lower: tuple[float, ...]  # smallest value of each gene
-    upper: tuple[float, ...]  # largest value of each gene
-    initial: tuple[float, ...]  # genotype at which the search begins
-
-
 class Strategy:
     """Ask for genotypes, tell their fitness (higher is better); a converged search restarts with twice as many."""
 
-    def __init__(self, space: Space, sigma: float, population_size: int, seed: int) -> None:
-        self.space = space
+    def __init__(
+        self,
+        controller: Controller,
+        start: Sequence[float] | Float[np.ndarray, " G"],
+        sigma: float,
+        population_size: int,
+        seed: int,
+    ) -> None:
         self.restarts = self._doublings = 0
-        self._first_sigma = sigma
+        self._bounds = np.array([controller.lower, controller.upper])
+        self._start, self._sigma = np.asarray(start), sigma
         self._first_population_size = population_size
         self._random_state = np.random.RandomState(seed).get_state()
-        self._begin(np.asarray(space.initial))
+        self._begin(self._start)
 
     @property
     def population_size(self) -> int:
@@ -86,28 +84,28 @@ class Strategy:
             if self._strategy.stop():
                 self.restarts += 1
                 self._doublings += 1
-                lower, upper = np.asarray(self.space.lower), np.asarray(self.space.upper)
+                lower, upper = self._bounds
                 middle = np.random.uniform(*_RESTART_RANGE, len(lower))  # noqa: NPY002
                 self._begin(lower + (upper - lower) * middle)
 
     def restart(self) -> None:
         """Restart where the search began, with no learned covariance and the same population size."""
         self.restarts += 1
-        self._begin(np.asarray(self.space.initial))
+        self._begin(self._start)
 
     def _begin(self, start: Float[np.ndarray, " G"]) -> None:
         options = {
-            "bounds": [list(self.space.lower), list(self.space.upper)],
-            "CMA_stds": [1.0] * len(self.space.names),
+            "bounds": self._bounds.tolist(),
+            "CMA_stds": [1.0] * len(start),
             "popsize": self.population_size,
             "seed": np.nan,  # keep the random state
             "verbose": -10,  # read no file of signals either
             "verb_log": 0,
             "verb_disp": 0,
         }
-        if len(self.space.names) == 1:
+        if len(start) == 1:
             options["maxstd"] = np.inf  # pycma 4.5 raises where it lowers the step size of a single gene
-        self._strategy = _load_pycma().CMAEvolutionStrategy(start, self._first_sigma, options)
+        self._strategy = _load_pycma().CMAEvolutionStrategy(start, self._sigma, options)
 
     @contextmanager
     def _own_random_state(self) -> Iterator[None]:
@@ -185,8 +183,7 @@ class ControllerSearch:
         if config.initial_genotype:
             initial = config.initial_genotype
             check_genotype("initial_genotype", initial, controller)
-        space = Space(self._names, controller.lower, controller.upper, initial)
-        self._strategy = Strategy(space, config.sigma, config.population_size, config.seed)
+        self._strategy = Strategy(controller, initial, config.sigma, config.population_size, config.seed)
         self._last_improvement = self._max_successes = 0
 
     def step(self, generation: int, tries: Try) -> dict[str, float]:

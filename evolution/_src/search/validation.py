@@ -89,13 +89,7 @@ class Validation:
     def try_again(
         self, candidates: Sequence[int], attempt: Callable[[int, int], Attempt], tries: Try
     ) -> list[Entry]:
-        """Try candidates under new conditions, round by round, while enough of all their trials succeed.
-
-        Args:
-            candidates: index of each.
-            attempt: from a candidate and a round to what is tried.
-            tries: tries it.
-        """
+        """Try candidates round by round, while enough of all their trials succeed; `attempt` makes each of these."""
         tried: list[Entry] = []
         remaining = list(candidates)
         for block in range(len(self.rounds)):

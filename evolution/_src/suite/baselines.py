@@ -18,7 +18,7 @@ from evolution._src.search.bodies.algorithms import LevelResult, make_algorithm
 from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig, LearningConfig
 from evolution._src.search.bodies.genome import make_random_body
 from evolution._src.search.bodies.learning import Learner
-from evolution._src.search.cmaes import Space, Strategy
+from evolution._src.search.cmaes import Strategy
 from evolution._src.search.evaluation import try_attempts
 from evolution._src.search.record import Attempt
 from evolution._src.search.record import Entry as Tried
@@ -121,8 +121,7 @@ def run_cmaes(practice: Practice, rng: np.random.Generator) -> None:
         body = practice.draw_body(rng)
         law = practice.make_controller(body)
         genes = len(law.parameters)
-        space = Space(law.parameters, law.lower, law.upper, (0.0,) * genes)
-        strategy = Strategy(space, SIGMA, POPULATION, int(rng.integers(2**31)))
+        strategy = Strategy(law, (0.0,) * genes, SIGMA, POPULATION, int(rng.integers(2**31)))
         practice.try_all(body, np.zeros((1, genes)))
         while practice.has_time((number + 1) / count):
             genotypes = strategy.ask()

@@ -1,14 +1,16 @@
 """The strategy solves something, and two of equal seed are equal to the bit."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 
-from evolution._src.search.cmaes import Space, Strategy
+from evolution._src.search.cmaes import Strategy
 
 
 def make_strategy(sigma: float = 0.3, population_size: int = 8, seed: int = 0, genes: int = 6) -> Strategy:
-    names = tuple(f"gene_{index}" for index in range(genes))
-    space = Space(names, (-1.5,) * genes, (1.5,) * genes, (0.0,) * genes)
-    return Strategy(space, sigma, population_size, seed)
+    law: Any = SimpleNamespace(lower=(-1.5,) * genes, upper=(1.5,) * genes)
+    return Strategy(law, (0.0,) * genes, sigma, population_size, seed)
 
 
 def climb(strategy: Strategy, generations: int) -> list[np.ndarray]:

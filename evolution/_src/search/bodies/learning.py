@@ -25,7 +25,7 @@ from evolution._src.search.bodies.algorithms import Assignment, LevelResult, mak
 from evolution._src.search.bodies.config import BodyEvolutionConfig
 from evolution._src.search.bodies.genome import BodyGenome
 from evolution._src.search.bodies.run import BodyRun, make_body_run
-from evolution._src.search.cmaes import Space, Strategy
+from evolution._src.search.cmaes import Strategy
 from evolution._src.search.record import EXAM, SAMPLE, Attempt, Entry, Record, Try
 
 
@@ -44,9 +44,8 @@ class Learning:
         self._strategy: Strategy | None = None
         if self.names:
             digest = hashlib.sha256(f"{config.seed};{body.canonical_text}".encode()).digest()
-            space = Space(self.names, controller.lower, controller.upper, tuple(self.best.tolist()))
-            seed = int.from_bytes(digest[:4], "little")
-            self._strategy = Strategy(space, config.learning.sigma, config.learning.population_size, seed)
+            seed, rules = int.from_bytes(digest[:4], "little"), config.learning
+            self._strategy = Strategy(controller, self.best, rules.sigma, rules.population_size, seed)
 
     def ask(self) -> Float[np.ndarray, "P G"]:
         """Return the next generation.
