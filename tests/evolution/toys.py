@@ -46,11 +46,6 @@ def slow_bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     return bowl(jobs, threads)
 
 
-def shortest(jobs: Sequence[Job], threads: int) -> list[Outcome]:
-    """Bodies of at least six modules succeed once their genes are near 0.5."""
-    return [(bowl if job.trials.modules >= 6 else hopeless)([job], threads)[0] for job in jobs]
-
-
 def fragile(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     """Raise for genotypes with a first gene above 0.3."""
     if any(job.genotype[0] > 0.3 for job in jobs):

@@ -233,7 +233,9 @@ class _Rows:
         count = self.environment.num_envs
         mask, seeds, stretches = np.zeros(count, dtype=bool), [None] * count, [None] * count
         options: dict[str, list[float | None]] = {name: [None] * count for name in CONDITIONS}
-        for row, _ in zip(free, list(self.waiting), strict=False):
+        for row in free:
+            if not self.waiting:
+                break
             trial = self.running[row] = self.waiting.popleft()
             genes = trial.genotype[: self.genotypes.shape[1]]
             mask[row], self.genotypes[row], self.effort[row] = True, genes, 0.0

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any, ClassVar
 
@@ -51,7 +51,7 @@ class RunConfig(TrialConfig):
     RUNTIME: ClassVar[tuple[str, ...]] = ("workers", "backend", "address", "folder")
     """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
     POSSIBLE_BACKENDS: ClassVar[tuple[str, ...]] = BACKENDS
-    STEP: ClassVar[str] = "generation"  # What progress counts
+    STEP: ClassVar[str] = "generation"  # What is counted, by the field of this name and an "s"
 
     seed: int = 0
     scoring: Any = field(default_factory=Scoring)
@@ -93,17 +93,15 @@ class RunConfig(TrialConfig):
     @property
     def length(self) -> int:
         """The largest number of generations or iterations."""
-        raise NotImplementedError
+        return getattr(self, f"{self.STEP}s")
 
     def differences(self, other: "RunConfig") -> list[str]:
         """Return "field: this, not that" for each difference that decides the results of a run."""
-        pairs = {
-            each.name: (getattr(self, each.name), getattr(other, each.name, None)) for each in fields(self)
-        }
+        theirs = vars(other)
         return [
-            f"{name}: {mine!r}, not {theirs!r}"
-            for name, (mine, theirs) in pairs.items()
-            if name not in self.RUNTIME and mine != theirs
+            f"{name}: {value!r}, not {theirs.get(name)!r}"
+            for name, value in vars(self).items()
+            if name not in self.RUNTIME and value != theirs.get(name)
         ]
 
     def digest(self) -> str:
@@ -164,7 +162,3 @@ class EvolutionConfig(RunConfig, BodyConfig):
         self._set("initial_genotype", genes)
         if genes and isinstance(self.controller, str):  # one of a user is checked when it is made
             check_genotype("initial_genotype", genes, self.make_controller(self.find_organism()))
-
-    @property
-    def length(self) -> int:
-        return self.generations

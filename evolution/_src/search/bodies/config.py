@@ -153,10 +153,6 @@ class BodyEvolutionConfig(RunConfig):
         coerce_integers(self, {"iterations": (0, MAX_GENERATIONS)}, RunError)
         self._check_control(self.make_organism(make_row(self.bodies.smallest)), "begin at smallest=2")
 
-    @property
-    def length(self) -> int:
-        return self.iterations
-
     def make_organism(self, body: BodyGenome) -> Organism:
         """Return a body of the modules of this search."""
         return body.to_organism(ScoutConfig(dofs=self.bodies.dofs))
