@@ -5,23 +5,27 @@ from typing import TYPE_CHECKING
 from reconstruction._src.base.lazy import export_lazily
 
 if TYPE_CHECKING:
-    from evolution._src.backends.outcome import Outcome
-    from evolution._src.backends.scoring import Scoring
+    from evolution._src.backends.scoring import Outcome, Scoring
     from evolution._src.backends.settings import Randomization, RolloutConfig
     from evolution._src.champions.playback import ChampionPolicy, Recording, judge, play
     from evolution._src.controllers.finding import find_controller
     from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
-    from evolution._src.dispatch import evolve
     from evolution._src.errors import EvolutionError, RunError
-    from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig
-    from evolution._src.search.bodies.confirmation import confirm
+    from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig, LearningConfig
     from evolution._src.search.bodies.genome import BodyGenome
-    from evolution._src.search.bodies.learning import LearningConfig
-    from evolution._src.search.bodies.loop import evolve_bodies, load_bodies, resume_bodies
+    from evolution._src.search.cmaes import Run
     from evolution._src.search.config import EvolutionConfig
     from evolution._src.search.evaluation import Evaluation, Evaluator, evaluate
-    from evolution._src.search.loop import load_run, resume
-    from evolution._src.search.run import Run, load_champion
+    from evolution._src.search.loop import (
+        confirm,
+        evolve,
+        evolve_bodies,
+        load_bodies,
+        load_run,
+        resume,
+        resume_bodies,
+    )
+    from evolution._src.search.run import load_champion
     from evolution._src.search.validation import Champion, Validation
 
 __all__ = [

@@ -1,117 +1,85 @@
-"""References to what a user wrote: a file keeps "module:name" and a version, and it is imported again when needed.
+"""What a user wrote, as files keep it: by "module:name", fields and version, imported again when it is needed.
 
-Reading a file imports nothing. Only `Reference.restore`, which continuing a run calls, does.
+Reading a file imports nothing. Only `Stored.restore`, which continuing a run calls, does, and only modules that the
+caller allows.
 """
 
-import dataclasses
 import hashlib
 import importlib
 import inspect
 import json
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 from evolution._src.errors import RunError
-from reconstruction._src.base.typed_json import JsonError, as_type
-from symbrion_gym._src.tasks.storage import is_allowed
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.tasks.storage import describe, is_allowed
+from symbrion_gym._src.tasks.storage import restore as restore_value
 
+MAX_SEED = 2**32 - 1  # What NumPy's `RandomState` takes
+MAX_MODULES = 50  # As in the environment
+MAX_GENERATIONS = 10**9
+MAX_GENOTYPES = 100_000
+MAX_TRIALS = 10_000
+MAX_WORKERS = 10_000
+MAX_MAGNITUDE = 1e9  # Far beyond any useful gene, fitness or weight
+MIN_POSITIVE = 1e-9  # Smallest value of what must be above 0: step sizes, shares
 OWN_PACKAGES = ("evolution", "symbrion_gym", "reconstruction")  # Packages whose versions a run keeps anyway
 _VERSION_LENGTH = 16
-_ADVICE = "use a function, or a frozen dataclass whose fields are numbers, text and tuples of these"
 
 
 @dataclass(frozen=True)
-class Reference:
-    """What a file says of a function, a class or an instance."""
+class Stored:
+    """What a file says of a task, a scoring or recorders of a user; nothing of it is imported yet."""
 
-    name: str  # "module:name" of the function or class
-    # its attribute `version`, otherwise a digest of the source of its module; "" for those of this project
-    version: str = ""
-    fields: str | None = None  # JSON text of the fields of an instance; None for the function or class itself
-
-    def to_json(self) -> dict[str, Any]:
-        """Return JSON content."""
-        content = {"name": self.name, "version": self.version}
-        return content if self.fields is None else content | {"fields": json.loads(self.fields)}
-
-    @classmethod
-    def from_json(cls, content: Any, what: str) -> "Reference":
-        """Return what `to_json` described, without importing it."""
-        if not isinstance(content, dict) or not isinstance(content.get("fields", {}), dict):
-            raise RunError(f"{what} is {content!r}; an object with name, version and fields is needed")
-        text = {"fields": json.dumps(content["fields"], sort_keys=True)} if "fields" in content else {}
-        try:
-            return as_type(content | text, cls, what)
-        except JsonError as error:
-            raise RunError(str(error)) from error
+    text: str  # JSON text of what `store` returned
 
     def restore(self, what: str, allow: Collection[str] = ()) -> Any:
-        """Import it."""
-        check_allowed(self.name, what, allow)
-        found = find_object(self.name, what)
-        version = find_version(found, what)
-        if version != self.version:
-            raise RunError(
-                f"{what} {self.name} has changed: version {version!r}, not {self.version!r} as recorded; restore it, "
-                "or begin another run (an attribute `version` of its own says which changes matter)"
-            )
-        if self.fields is None:
-            return found
-        if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
-            raise RunError(f"{what} {self.name} is no dataclass, though fields of an instance are recorded")
+        """Return the value; of code that is not of this project only modules in `allow` are imported."""
+        content = json.loads(self.text)
         try:
-            return as_type(json.loads(self.fields), found, what)
-        except (TypeError, ValueError, NameError) as error:
-            raise RunError(f"{what} {self.name} cannot be made of the recorded fields: {error}") from error
+            for name, version in content.get("versions", {}).items():
+                check_allowed(name, what, allow)
+                now = find_version(find_object(name, what), what)
+                if now != version:
+                    raise RunError(
+                        f"{what} {name} has changed: version {now!r}, not {version!r} as recorded; restore it, or "
+                        "begin another run (an attribute `version` of its own says which changes matter)"
+                    )
+            return restore_value(content["value"], allow)
+        except (TaskError, AttributeError, KeyError, TypeError) as error:
+            raise RunError(f"{what}: {error}") from error
 
 
-def refer(value: object, what: str) -> Reference:
-    """Return a reference that restores a function, a class, or an instance of a dataclass."""
-    is_named = isinstance(value, FunctionType | type)
-    owner: Any = value if is_named else type(value)
-    name = f"{owner.__module__}:{owner.__qualname__}"
-    if owner.__module__ == "__main__" or "<" in name or _look_up(name) is not owner:
-        raise RunError(
-            f"{what} {name} cannot be restored: another process cannot import it; "
-            "define it at the top level of a module of its own and import it from there"
-        )
-    if not (is_named or dataclasses.is_dataclass(value)):
-        raise RunError(f"{what} is an instance of {name} and cannot be restored; {_ADVICE}")
-    reference = Reference(name, find_version(owner, what))
-    return reference if is_named else _add_fields(reference, value, what)
-
-
-def _add_fields(reference: Reference, value: Any, what: str) -> Reference:
+def store(value: Any, what: str) -> dict[str, Any]:
+    """Return JSON content of which `Stored` restores an equal value, and the versions of what a user wrote in it."""
     try:
-        reference = dataclasses.replace(reference, fields=json.dumps(_read_fields(value), sort_keys=True))
-        restored = reference.restore(what, (owner_module(reference.name),))
-        is_same = bool(vars(restored) == vars(value))
-    except (TypeError, ValueError, RunError) as error:
-        raise RunError(f"{what} {reference.name} cannot be restored ({error}); {_ADVICE}") from error
-    if not is_same:
-        raise RunError(
-            f"{what} {reference.name} has a state beyond its fields and cannot be restored; {_ADVICE}"
-        )
-    return reference
+        content = describe(value)
+        if is_dataclass(value) and vars(value).keys() - {each.name for each in fields(value)}:
+            raise TaskError("it has a state beyond its fields")
+    except TaskError as error:
+        raise RunError(f"{what}: {value!r} cannot be restored by another process: {error}") from error
+    versions = {name: find_version(find_object(name, what), what) for name in _list_names(content)}
+    return {"value": content, "versions": versions}
 
 
-def _read_fields(value: Any) -> dict[str, Any]:
-    names = [each.name for each in dataclasses.fields(value) if each.init]
-    full = dataclasses.asdict(value)
-    return {name: full[name] for name in names}
-
-
-def owner_module(name: str) -> str:
-    """Return the module of "module:name"."""
-    return name.partition(":")[0]
+def _list_names(content: Any) -> list[str]:
+    """Return "module:name" of each class and function in what `describe` returned that is not of this project."""
+    if isinstance(content, list):
+        return [name for each in content for name in _list_names(each)]
+    if not isinstance(content, dict):
+        return []
+    name = content.get("type", content.get("function", ""))
+    own = [name] if isinstance(name, str) and name.partition(".")[0] not in (*OWN_PACKAGES, "") else []
+    return _list_names(list(content.values())) + own
 
 
 def check_allowed(name: str, what: str, allow: Collection[str]) -> None:
     """Refuse to import what a file names, unless the caller has allowed its module."""
-    module = owner_module(name)
+    module = name.partition(":")[0]
     if not is_allowed(module, allow):
         raise RunError(
             f"{what} {name} is code that a file names, and none is run unless it is allowed: "
@@ -128,85 +96,39 @@ def find_object(name: str, what: str) -> Any:
 
 
 def find_value(name: str, what: str) -> Any:
-    """Import what "module:name" names; None where the module has no such name."""
-    module, _, qualname = name.partition(":")
-    if not module or not qualname:
-        raise RunError(f"{what} is {name!r}; give 'module:name'")
-    try:
-        importlib.import_module(module)
-    except Exception as error:  # importing runs code of the user
-        raise RunError(f"{what} {name} cannot be imported: {error}; is its folder on PYTHONPATH?") from error
-    return _look_up(name)
-
-
-def _look_up(name: str) -> object:
-    module, _, qualname = name.partition(":")
+    """Import what "module:name" names."""
+    module, parts = split_name(name, what)
     try:
         found: Any = importlib.import_module(module)
-        for part in qualname.split("."):
-            found = getattr(found, part)
-    except Exception:  # as above
-        return None
+    except Exception as error:  # importing runs code of the user
+        raise RunError(
+            f"{what} {name!r}: module {module!r} cannot be imported ({type(error).__name__}: {error}); "
+            "start in the folder that contains it, or add that folder to PYTHONPATH"
+        ) from error
+    for part in parts:
+        if not hasattr(found, part):
+            public = [each for each in vars(found) if not each.startswith("_")]
+            raise RunError(f"{what} {name!r}: there is no {part!r} in it; there are: {', '.join(public)}")
+        found = getattr(found, part)
     return found
+
+
+def split_name(name: str, what: str) -> tuple[str, list[str]]:
+    """Return the module and the parts of the name of "module:name"."""
+    module, _, path = name.partition(":")
+    if not all(part.isidentifier() for part in (*module.split("."), *path.split("."))):
+        raise RunError(f'{what} is {name!r}; "module:name" is needed, such as "my_package.walking:Wave"')
+    return module, path.split(".")
 
 
 def find_version(owner: Any, what: str) -> str:
     """Return the version of a function or class: its own, otherwise a digest of the source of its module."""
-    if owner.__module__.partition(".")[0] in OWN_PACKAGES:
-        return ""
     own = getattr(owner, "version", None)
     if isinstance(own, str | int):
         return str(own)
     try:
         source = Path(inspect.getsourcefile(owner) or "").read_bytes()
     except (OSError, TypeError) as error:
-        raise RunError(
-            f"{what} {owner.__module__}:{owner.__qualname__} has no source; give it an attribute `version`"
-        ) from error
+        name = f"{owner.__module__}:{owner.__qualname__}"
+        raise RunError(f"{what} {name} has no source; give it an attribute `version`") from error
     return hashlib.sha256(source).hexdigest()[:_VERSION_LENGTH]
-
-
-def find_versions(content: Any, what: str) -> dict[str, str]:
-    """Return name -> version of all that is not of this project in JSON content of
-    `symbrion_gym._src.tasks.storage`."""
-    if isinstance(content, list):
-        return {name: each for inner in content for name, each in find_versions(inner, what).items()}
-    if not isinstance(content, dict):
-        return {}
-    found = find_versions(list(content.values()), what)
-    name = content.get("type", content.get("function"))
-    if isinstance(name, str) and name.partition(".")[0].partition(":")[0] not in OWN_PACKAGES:
-        found[name] = find_version(_look_up(name), what)
-    return found
-
-
-def check_versions(versions: Mapping[str, str], what: str, allow: Collection[str]) -> None:
-    """Refuse other versions than those recorded."""
-    for name, version in versions.items():
-        check_allowed(name, what, allow)
-        now = find_version(find_object(name, what), what)
-        if now != version:
-            raise RunError(
-                f"{what}: {name} has changed: version {now!r}, not {version!r} as recorded; restore it, or begin "
-                "another run (an attribute `version` of its own says which changes matter)"
-            )
-
-
-def check_signature(function: Callable[..., Any], what: str, *names: str) -> None:
-    """Refuse what is no function of so many positional arguments."""
-    try:
-        inspect.signature(function).bind(*names)
-    except (TypeError, ValueError) as error:
-        raise RunError(
-            f"{what} is {function!r}; a function of ({', '.join(names)}) is needed ({error})"
-        ) from error
-
-
-MAX_SEED = 2**32 - 1  # What NumPy's `RandomState` takes
-MAX_MODULES = 50  # As in the environment
-MAX_GENERATIONS = 10**9
-MAX_GENOTYPES = 100_000
-MAX_TRIALS = 10_000
-MAX_WORKERS = 10_000
-MAX_MAGNITUDE = 1e9  # Far beyond any useful gene, fitness or weight
-MIN_POSITIVE = 1e-9  # Smallest value of what must be above 0: step sizes, shares

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from evolution._src.backends.outcome import Outcome
-from evolution._src.backends.scoring import Scoring
+from evolution._src.backends.scoring import Outcome, Scoring
 
 
 def minus_effort(outcome: Outcome, body) -> float:

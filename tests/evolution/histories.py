@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from evolution._src.search.config import EvolutionConfig
-from evolution._src.search.record import SAMPLE, TIMES, Entry
-from evolution._src.search.run import Run
+from evolution._src.search.record import TIMES
 
 TOY = EvolutionConfig(
     arena="truth",
@@ -30,8 +29,3 @@ def read_without_times(folder: Path) -> list[list[str]]:
     rows = [line.split(",") for line in (folder / "history.csv").read_text().splitlines()]
     skipped = [rows[0].index(name) for name in TIMES]
     return [[cell for index, cell in enumerate(row) if index not in skipped] for row in rows]
-
-
-def find_samples(run: Run, generations: range) -> list[Entry]:
-    """Return the entries of the genotypes that were sampled in some generations."""
-    return [entry for entry in run.record.entries if entry.kind == SAMPLE and entry.generation in generations]

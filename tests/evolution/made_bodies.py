@@ -1,14 +1,13 @@
 """A search for bodies on made physics: larger bodies go farther."""
 
 import evolution as ev
-from evolution._src.backends.outcome import Outcome
-from evolution._src.search.bodies.genome import genome_of
+from evolution._src.backends.scoring import Outcome
 
 
 def simulate(jobs, threads):
     return [
         Outcome(
-            0.1 * genome_of(job.trials.find_organism()).num_modules + float(job.genotype.sum()) * 1e-3,
+            0.1 * job.trials.find_organism().num_modules + float(job.genotype.sum()) * 1e-3,
             0.01,
             (False,) * job.trials.count,
             seconds=1.0,

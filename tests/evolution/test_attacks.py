@@ -140,14 +140,15 @@ def test_a_task_runs_nothing(attack, folder, mark):
         with pytest.raises(TaskError):
             read_task(task)
     for task in (term, make_task(term)):
-        alter(folder, task=task)
+        alter(folder, task={"value": task})
         for found in use_everywhere(folder):
             assert isinstance(found, RunError) or found in (1, 2), found
     assert not mark.exists()
 
 
 def test_no_name_or_version_of_a_task_is_imported(folder, mark):
-    for task in ("intruder:term", make_task(TERMS["private"]) | {"versions": {"intruder:term": "1"}}):
+    value = {"value": make_task(TERMS["private"]), "versions": {"intruder:term": "1"}}
+    for task in ("intruder:term", value):
         alter(folder, task=task)
         with pytest.raises(RunError):
             ev.resume(folder, generations=2, simulate=toys.bowl)
@@ -158,11 +159,12 @@ def test_no_name_or_version_of_a_task_is_imported(folder, mark):
     "changes",
     [
         {"descriptors": [SHELL]},
-        {"descriptors": [{"type": "intruder:Term", "fields": {}}, {"versions": {"intruder:Term": "1"}}]},
-        {"scoring": {"name": "subprocess:Popen", "version": "", "fields": {"args": ["touch", "MARK"]}}},
-        {"scoring": {"name": "intruder:term", "version": ""}},
-        {"scoring": {"name": "evolution._src.cli.main:main", "version": ""}},
-        {"validation": {"name": "intruder:Term", "version": "", "fields": {}}},
+        {"descriptors": {"value": [SHELL], "versions": {}}},
+        {"descriptors": {"value": [TERMS["dataclass of an intruder"]], "versions": {"intruder:Term": "1"}}},
+        {"scoring": {"value": SHELL, "versions": {}}},
+        {"scoring": {"value": {"function": "intruder:term"}}},
+        {"scoring": {"value": {"function": "evolution._src.cli.main:main"}}},
+        {"validation": {"value": TERMS["dataclass of an intruder"], "versions": {}}},
         {"controller": {"name": "intruder", "version": "1", "source": "intruder:Maker"}},
         {"controller": {"name": "intruder", "version": "1", "source": "intruder:Maker", "is_allowed": True}},
         {"controller": {"name": "shell", "version": "1", "source": "subprocess:Popen", "arguments": [["args", "ls"]]}},

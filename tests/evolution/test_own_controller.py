@@ -106,12 +106,6 @@ def test_what_a_record_or_worker_cannot_find_again_is_refused_at_once(tmp_path: 
     assert run.champion is not None
 
 
-@pytest.mark.parametrize("controller", ["mine", "no_such_module:Mine", "own_controllers:Mine", 3])
-def test_an_unknown_controller_fails_in_the_configuration(controller):
-    with pytest.raises(ev.RunError, match="controller"):
-        ev.EvolutionConfig(controller=controller)
-
-
 def test_its_own_mistakes_end_the_run_and_are_named():
     with pytest.raises(ev.RunError, match=r"act of controller 'hold' returns actions of shape \(8, 9\)"):
         ev.evaluate(np.zeros((1, 0)), modules=4, controller=Hold(9), trials=1, duration=0.4)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.trials import Job, Trials
 from evolution._src.errors import RunError
 
@@ -44,11 +44,6 @@ def slow_bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     """The same, a few milliseconds a job."""
     time.sleep(0.002 * len(jobs))
     return bowl(jobs, threads)
-
-
-def shortest(jobs: Sequence[Job], threads: int) -> list[Outcome]:
-    """Bodies of at least six modules succeed once their genes are near 0.5."""
-    return [(bowl if job.trials.modules >= 6 else hopeless)([job], threads)[0] for job in jobs]
 
 
 def fragile(jobs: Sequence[Job], threads: int) -> list[Outcome]:

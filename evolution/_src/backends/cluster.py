@@ -7,21 +7,16 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
-from evolution._src.backends.batch import BatchBackend
-from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.pool import (
-    CONNECT_TIMEOUT,
-    FIRST_START_TIMEOUT,
-    START_TIMEOUT,
+    BatchBackend,
     Reply,
-    WorkerPool,
-)
-from evolution._src.backends.simulation import (
     Simulate,
+    WorkerPool,
     find_simulate,
     name_simulate,
     run_isolated,
 )
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
 from reconstruction._src.base.extras import require_extras
@@ -29,6 +24,14 @@ from reconstruction._src.base.range_checks import check_choice
 from reconstruction._src.tiles.workers import Job as TileJob
 from reconstruction._src.tiles.workers import RunJobs, Work
 
+_CONNECT_TIMEOUT = (
+    10.0  # How long the head of a cluster may take to answer [s]; Ray itself would try for minutes
+)
+_FIRST_START_TIMEOUT = (
+    120.0  # How long the first worker may take to start [s]; it imports everything on a new node
+)
+_START_TIMEOUT = 15.0
+"""How much longer the other workers may take [s]; the next generation tries again to start those that were late."""
 Handle = Any
 """Of an actor, or of a result that it will return: Ray, an optional dependency, makes its types at run time."""
 
@@ -47,57 +50,44 @@ class _Actor:
         return run_isolated(self._simulate, jobs, 1)
 
 
-def connect_cluster(ray: Any, workers: int, address: str | None, timeout: float) -> None:
+def _import_ray(what: str, instead: str) -> Any:
+    try:
+        import ray
+    except ImportError as error:
+        raise RunError(
+            f"{what} needs Ray: pip install 'symbrion-gym[cluster]'; {instead} needs nothing"
+        ) from error
+    return ray
+
+
+def _connect(ray: Any, workers: int, address: str | None) -> None:
     """Connect to a running cluster, or start one on this machine; its workers find the same modules."""
     host, _, port = (address or "").removeprefix("ray://").rpartition(":")
-    if host and port.isdigit():
-        try:
-            socket.create_connection((host, int(port)), timeout=timeout).close()
-        except OSError as error:
-            raise RunError(f"no Ray cluster at {address}: {error}") from error
     path = os.pathsep.join(path or os.getcwd() for path in sys.path)
     options: dict[str, Any] = {"address": address} if address else {"num_cpus": workers}
     try:
+        if host and port.isdigit():
+            socket.create_connection((host, int(port)), timeout=_CONNECT_TIMEOUT).close()
         ray.init(
             runtime_env={"env_vars": {"PYTHONPATH": path}},
             include_dashboard=None if address else False,
             log_to_driver=False,
             **options,
         )
-    except (ConnectionError, RuntimeError, ValueError) as error:
+    except (OSError, RuntimeError, ValueError) as error:
         raise RunError(f"no Ray cluster at {address or 'this machine'}: {error}") from error
 
 
 class RayBackend(WorkerPool[Handle]):
-    """Workers are actors; if the node of one dies, another is started elsewhere.
+    """Workers are actors of one CPU each; if the node of one dies, another is started elsewhere."""
 
-    Args:
-        simulate: a function of a module.
-        workers: number of actors, one CPU each.
-        address: address of a running cluster ("auto" finds it); None starts one on this machine.
-
-    Raises:
-        RunError: Ray is not installed, or no cluster answers.
-    """
-
-    def __init__(
-        self,
-        simulate: Simulate,
-        workers: int,
-        address: str | None = None,
-    ) -> None:
+    def __init__(self, simulate: Simulate, workers: int, address: str | None = None) -> None:
         super().__init__(workers)
-        try:
-            import ray
-        except ImportError as error:
-            raise RunError(
-                "backend 'ray' needs Ray: pip install 'symbrion-gym[cluster]'; 'processes' needs nothing"
-            ) from error
-        self._ray = ray
+        self._ray = ray = _import_ray("backend 'ray'", "'processes'")
         self._simulate = name_simulate(simulate)
         self._owns_cluster = not ray.is_initialized()
         if self._owns_cluster:
-            connect_cluster(ray, workers, address, CONNECT_TIMEOUT)
+            _connect(ray, workers, address)
         self._actor = ray.remote(num_cpus=1, max_restarts=0)(_Actor)
         self._running: dict[Handle, Handle] = {}
 
@@ -112,8 +102,8 @@ class RayBackend(WorkerPool[Handle]):
             greetings[actor.greet.remote()] = actor
         references = list(greetings)
         if not self._workers:
-            self._ray.wait(references, num_returns=1, timeout=FIRST_START_TIMEOUT)
-        ready, late = self._ray.wait(references, num_returns=count, timeout=START_TIMEOUT)
+            self._ray.wait(references, num_returns=1, timeout=_FIRST_START_TIMEOUT)
+        ready, late = self._ray.wait(references, num_returns=count, timeout=_START_TIMEOUT)
         started, reason = [], "no CPU is free"
         for reference in ready:
             try:
@@ -159,25 +149,17 @@ class RayBackend(WorkerPool[Handle]):
             self._ray.shutdown()
 
 
-_CONNECT_TIMEOUT = 10.0  # How long a cluster may take to answer [s]
-
-
 def run_in_cluster(workers: int, address: str | None = None) -> RunJobs:
     """Return a function that runs jobs over a Ray cluster, one CPU each; for `rc.reconstruct_tiles(run_jobs=...)`.
 
     Jobs name files: the folder of the tiles must be one that all nodes see at the same place.
     """
-    try:
-        import ray
-    except ImportError as error:
-        raise RunError(
-            "tiles on a cluster need Ray: pip install 'symbrion-gym[cluster]'; processes need nothing"
-        ) from error
+    ray = _import_ray("a cluster for tiles", "processes")
 
     def run(work: Work, jobs: Sequence[TileJob]) -> Iterator[TileJob]:
         owns_cluster = not ray.is_initialized()
         if owns_cluster:
-            connect_cluster(ray, workers, address, _CONNECT_TIMEOUT)
+            _connect(ray, workers, address)
         try:
             remote = ray.remote(num_cpus=1)(work)
             for reference in [remote.remote(job) for job in jobs]:
@@ -215,7 +197,7 @@ def make_backend(
     address: str | None = None,
     simulate: Simulate | None = None,
 ) -> Backend:
-    """Make a backend."""
+    """Make a backend; `simulate` tries the jobs, None means physics."""
     if workers < 1:
         raise RunError(f"workers is {workers}; at least 1 is needed")
     check_choice("backend", name, BACKENDS, RunError)

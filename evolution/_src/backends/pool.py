@@ -1,15 +1,18 @@
-"""Jobs over workers that may die: no job is lost and none is counted twice."""
+"""Where jobs run: in this process, or over workers that may die, where no job is lost and none is counted twice."""
 
+import importlib
+import logging
 from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Generic, NamedTuple, TypeVar
 
-from evolution._src.backends.outcome import Outcome
+import numpy as np
+
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.trials import Job, make_failure
-
-Worker = TypeVar("Worker")
-
+from evolution._src.errors import RunError
 
 BATCHES_PER_WORKER = 2
 """About how many batches of jobs each worker gets in a generation. 2 keeps the wait for the slowest batch
@@ -17,14 +20,64 @@ short; more would leave the batch of a worker too small."""
 MAX_DEATHS = 2
 """A job that was alone on this many workers when they died is reported as failed. 2, because one death may
 have any reason."""
-EXIT_TIMEOUT = 5.0  # How long a worker process may take to end before it is killed [s]
-CONNECT_TIMEOUT = 10.0
-"""How long the head of a Ray cluster may take to answer [s]; Ray itself would try for minutes."""
-FIRST_START_TIMEOUT = 120.0
-"""How long the first worker of a Ray cluster may take to start [s]; it imports everything on a new node."""
-START_TIMEOUT = 15.0
-"""How much longer the other workers may take [s]; the next generation tries again to start those that were
-late."""
+logger = logging.getLogger(__name__)
+Worker = TypeVar("Worker")
+Simulate = Callable[[Sequence[Job], int], list[Outcome]]
+"""Tries jobs on a number of threads. Worker processes import it by name, so for them it is a function of a module."""
+
+
+def run_isolated(simulate: Simulate, jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Run jobs such that one that raises, or returns invalid numbers, affects no other."""
+    try:
+        outcomes = simulate(jobs, threads)
+        if len(outcomes) != len(jobs):
+            raise ValueError(f"{len(outcomes)} outcomes for {len(jobs)} jobs")
+    except RunError:
+        raise  # the run is wrong, not a genotype
+    except Exception as error:
+        if len(jobs) == 1:
+            logger.warning("a genotype could not be tried: %s", error)
+            return [make_failure(jobs[0].trials, f"{type(error).__name__}: {error}")]
+        return [run_isolated(simulate, [job], threads)[0] for job in jobs]
+    for place, (outcome, job) in enumerate(zip(outcomes, jobs, strict=True)):
+        if not np.isfinite((outcome.progress, outcome.effort)).all():
+            failure = make_failure(job.trials, outcome.error or "progress or effort is not finite")
+            diverged = max(outcome.diverged, 1)
+            outcomes[place] = replace(failure, diverged=diverged, seconds=outcome.seconds)
+    return outcomes
+
+
+def name_simulate(simulate: Simulate) -> str:
+    """Return "module:function", by which a worker finds it."""
+    module, name = simulate.__module__, getattr(simulate, "__qualname__", "<no function>")
+    if "<" in name:
+        raise RunError(f"workers cannot import {module}:{name}; simulate must be a function of a module")
+    return f"{module}:{name}"
+
+
+def find_simulate(name: str) -> Simulate:
+    """Import the function that `name_simulate` named."""
+    module, function = name.split(":")
+    return getattr(importlib.import_module(module), function)
+
+
+class BatchBackend:
+    """All jobs in this process, on the threads of `mujoco.batch`.
+
+    Args:
+        simulate: tries the jobs.
+        workers: number of threads.
+    """
+
+    def __init__(self, simulate: Simulate, workers: int) -> None:
+        self._simulate, self._workers = simulate, workers
+
+    def run(self, jobs: Sequence[Job]) -> list[Outcome]:
+        """Return one outcome for each job, in order."""
+        return run_isolated(self._simulate, jobs, self._workers) if jobs else []
+
+    def close(self) -> None:
+        """Do nothing: there are no workers to stop."""
 
 
 class Reply(NamedTuple, Generic[Worker]):
@@ -35,19 +88,12 @@ class Reply(NamedTuple, Generic[Worker]):
 
 
 class WorkerPool(ABC, Generic[Worker]):
-    """Distribute jobs over workers, replace those that die and submit their jobs again.
-
-    Args:
-        workers: number of workers.
-
-    Attributes:
-        num_deaths: number of workers that have died so far.
-    """
+    """Distributes jobs over workers, replaces those that die and submits their jobs again."""
 
     def __init__(self, workers: int) -> None:
         self._num_wanted = self._capacity = workers
         self._workers: list[Worker] = []
-        self.num_deaths = 0
+        self.num_deaths = 0  # Workers that have died so far
 
     @abstractmethod
     def _start(self) -> Worker:
@@ -71,7 +117,9 @@ class WorkerPool(ABC, Generic[Worker]):
 
     def run(self, jobs: Sequence[Job]) -> list[Outcome]:
         """Return one outcome for each job, in order."""
-        pending = deque(self._make_batches(len(jobs)))
+        count = len(jobs)
+        size = max(1, -(-count // (BATCHES_PER_WORKER * self._num_wanted)))
+        pending = deque(list(range(first, min(first + size, count))) for first in range(0, count, size))
         outcomes: dict[int, Outcome] = {}
         busy: dict[int, tuple[Worker, list[int]]] = {}
         deaths: Counter[int] = Counter()
@@ -90,7 +138,9 @@ class WorkerPool(ABC, Generic[Worker]):
                         if deaths[index] < MAX_DEATHS:
                             pending.append([index])
                         else:
-                            outcomes[index] = self._give_up(jobs[index])
+                            outcomes[index] = make_failure(
+                                jobs[index].trials, f"its worker died {MAX_DEATHS} times"
+                            )
         except BaseException:
             for worker, _ in busy.values():  # their replies would be taken for those of the next jobs
                 self._remove(worker)
@@ -102,10 +152,6 @@ class WorkerPool(ABC, Generic[Worker]):
         for worker in self._workers:
             self._stop(worker)
         self._workers.clear()
-
-    def _make_batches(self, count: int) -> list[list[int]]:
-        size = max(1, -(-count // (BATCHES_PER_WORKER * self._num_wanted)))
-        return [list(range(first, min(first + size, count))) for first in range(0, count, size)]
 
     def _assign(
         self, jobs: Sequence[Job], pending: deque[list[int]], busy: dict[int, tuple[Worker, list[int]]]
@@ -126,6 +172,3 @@ class WorkerPool(ABC, Generic[Worker]):
         self.num_deaths += 1
         self._workers.remove(worker)
         self._stop(worker)
-
-    def _give_up(self, job: Job) -> Outcome:
-        return make_failure(job.trials, f"its worker died {MAX_DEATHS} times")

@@ -13,12 +13,19 @@ from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
-from evolution._src.backends.pool import EXIT_TIMEOUT, Reply, WorkerPool
-from evolution._src.backends.simulation import Simulate, find_simulate, name_simulate, run_isolated
+from evolution._src.backends.pool import (
+    Reply,
+    Simulate,
+    WorkerPool,
+    find_simulate,
+    name_simulate,
+    run_isolated,
+)
 from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
 
 READY = "ready"  # First message of a worker
+EXIT_TIMEOUT = 5.0  # How long a worker process may take to end before it is killed [s]
 
 
 def share_pipe(handle: int) -> dict[str, Any]:
@@ -42,15 +49,7 @@ class _Worker(NamedTuple):
 
 
 class ProcessBackend(WorkerPool[_Worker]):
-    """Workers are processes that keep their compiled arenas between calls; only genotypes are sent.
-
-    Args:
-        simulate: a function of a module.
-        workers: number of processes.
-
-    Raises:
-        RunError: a worker cannot start.
-    """
+    """Workers are processes that keep their compiled arenas between calls; only genotypes are sent."""
 
     def __init__(self, simulate: Simulate, workers: int) -> None:
         super().__init__(workers)
@@ -64,16 +63,12 @@ class ProcessBackend(WorkerPool[_Worker]):
     def _start(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
-        command = [
-            sys.executable,
-            "-P",
-            "-m",
-            "evolution._src.backends.processes",
-            str(theirs.fileno()),
-            self._simulate,
-        ]
+        command = [sys.executable, "-P", "-m", "evolution._src.backends.processes"]
         process = subprocess.Popen[bytes](
-            command, env=environment, stdin=subprocess.DEVNULL, **share_pipe(theirs.fileno())
+            [*command, str(theirs.fileno()), self._simulate],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            **share_pipe(theirs.fileno()),
         )
         theirs.close()
         try:

@@ -8,23 +8,24 @@ from __future__ import annotations
 
 import logging
 from collections import OrderedDict, defaultdict, deque
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
-from evolution._src.backends.outcome import FAILED_PROGRESS, Outcome
-from evolution._src.backends.scoring import Records, as_records
-from evolution._src.backends.settings import CONDITIONS, RolloutConfig
+from evolution._src.backends.scoring import Outcome
+from evolution._src.backends.settings import CONDITIONS, MAX_ENVIRONMENTS
 from evolution._src.backends.trials import (
+    FAILED_PROGRESS,
     Job,
     Trials,
     find_arena_key,
     find_trial_controller,
+    make_failure,
     prepare_arena,
 )
 from evolution._src.controllers.protocol import Controller, reset_rows
@@ -33,83 +34,23 @@ from symbrion_gym._src.environment.models import LayoutError
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.warp.making import make_vector_env
 from symbrion_gym._src.errors import OptionError, TaskError
+from symbrion_gym._src.robot.organism import Organism
 
 if TYPE_CHECKING:
     from symbrion_gym._src.environment.warp.device.vector_env import DeviceVectorEnv
 
 logger = logging.getLogger(__name__)
 
+_BATCH_SIZES = (8, 16, 24, 36, 48)
+"""Sub-environments of a vector environment; the smallest size that takes all trials is used, or a larger one that is
+compiled already. Few sizes mean few compilations."""
 _TICKS_BETWEEN_LOOKS = 16
-"""Whether all episodes have ended is looked up this often, as looking waits for the device."""
-
-
-def make_device_environment(controller: Controller, stretches: Sequence[float], **options: Any) -> Any:
-    """Return an environment whose physics is on a device, and all else if it can be."""
-    if len(stretches) > 1:
-        raise LayoutError(f"backend 'warp' holds one arena, and there are stretches {tuple(stretches)}")
-    try:
-        environment: Any = make_vector_env(backend="warp", array="jax", stretch=stretches[0], **options)
-        _check_controller(controller, environment)
-    except (TaskError, OptionError, TypeError, AttributeError) as error:
-        logger.info("observations, rewards and controllers are computed on the host: %s", error)
-        return make_vector_env(backend="warp", stretches=stretches, **options)
-    return environment
-
-
-def _check_controller(controller: Controller, environment: DeviceVectorEnv) -> None:
-    """Trace a controller."""
-    import jax
-
-    num, shape = environment.num_envs, (environment.num_envs, len(controller.parameters))
-    seen, genes = (
-        jax.ShapeDtypeStruct(each, np.float32) for each in (environment.observation_space.shape, shape)
-    )
-    act = _make_act(controller, environment)
-    try:
-        actions, _ = jax.eval_shape(act, seen, genes, controller.begin(num))
-    except Exception as error:  # whatever a controller of a user raises: it then acts on the host
-        raise TypeError(f"controller {controller.name!r} does not run on a device: {error}") from error
-    if actions.shape != environment.action_space.shape:
-        raise TypeError(f"controller {controller.name!r} returns actions of shape {actions.shape}")
-
-
-def _make_act(controller: Controller, environment: DeviceVectorEnv) -> Any:
-    structure = environment.observation_structure
-    return lambda seen, genes, state: controller.act(seen, genes, structure, state)
-
-
-def is_on_device(environment: Any) -> bool:
-    """Return whether observations and actions of an environment stay on a device."""
-    return getattr(environment, "array", "numpy") == "jax"
-
-
-def run_on_device(
-    environment: DeviceVectorEnv, controller: Controller, genotypes: Float[np.ndarray, "N G"], begun: Any
-) -> tuple[dict[str, np.ndarray], Float[np.ndarray, " N"]]:
-    """Run one episode of every simulation; return the last `info` and the work of the hinges' reward."""
-    import jax
-    import jax.numpy as jnp
-
-    device = environment.batch.jax_device
-    act = jax.jit(_make_act(controller, environment))
-
-    @jax.jit
-    def add_up(effort: Any, running: Any, spent: Any, ended: Any) -> tuple[Any, Any]:
-        return effort - jnp.where(running, spent, 0.0), running & ~ended
-
-    with jax.default_device(device):
-        state = jax.tree.map(jnp.asarray, controller.begin(environment.num_envs))
-        genes = jnp.asarray(genotypes, dtype=jnp.float32)
-        effort, running = jnp.zeros(environment.num_envs), environment.find_running()
-        observation, info, tick = begun, {}, 0
-        while tick % _TICKS_BETWEEN_LOOKS or bool(running.any()):
-            actions, state = act(observation, genes, state)
-            observation, _, terminated, truncated, info = environment.step(actions)
-            spent = info.get("reward_effort", jnp.zeros_like(effort))
-            effort, running = add_up(effort, running, spent, terminated | truncated)
-            tick += 1
-    names = ("success", "progress", "time", "diverged")
-    return {name: np.asarray(info[name]) for name in names}, np.asarray(effort, dtype=float)
+"""Whether all episodes on a device have ended is looked up this often, as looking waits for the device."""
+_DIFFERENT = ("arena", "randomization", "count", "seed")
+"""Fields in which trials that share an environment may differ, the name of the arena among them."""
+_environments: OrderedDict[Hashable, OrganismVectorEnv] = OrderedDict()
+"""Vector environments of this process, the one used last at the end."""
+_separate: set[Hashable] = set()  # Arenas whose stretched versions do not fit into one vector environment
 
 
 class Trial(NamedTuple):
@@ -131,12 +72,26 @@ class TrialResult(NamedTuple):
     effort: float
     seconds: float
     diverged: bool
-    records: Records | None = None
+    records: dict[str, np.ndarray] | None = None
 
 
-_environments: OrderedDict[Hashable, OrganismVectorEnv] = OrderedDict()
-"""Vector environments of this process, the one used last at the end."""
-_separate: set[Hashable] = set()  # Arenas whose stretched versions do not fit into one vector environment
+def simulate(jobs: Sequence[Job], threads: int = 1, engine: str = "mujoco") -> list[Outcome]:
+    """Try jobs in the environment."""
+    groups: dict[Hashable, list[Trial]] = defaultdict(list)
+    for index, job in enumerate(jobs):
+        key = _find_environment_key(job.trials), job.trials.randomization.stretch
+        groups[key] += split_job(index, job)
+    results: dict[tuple[int, int], TrialResult] = {}
+    for trials in groups.values():
+        first = jobs[trials[0].job].trials
+        controller = find_trial_controller(first)
+        for environment, own_trials in _group_by_environment(first, trials, threads, engine):
+            run = _run_on_device if _is_on_device(environment) else _run_trials
+            results |= run(cast(Any, environment), controller, own_trials)
+    return [
+        _summarize([results[index, number] for number in range(job.trials.count)])
+        for index, job in enumerate(jobs)
+    ]
 
 
 def simulate_on_device(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
@@ -144,33 +99,34 @@ def simulate_on_device(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
     return simulate(jobs, threads, engine="warp")
 
 
-def simulate(
-    jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None = None, engine: str = "mujoco"
-) -> list[Outcome]:
-    """Try jobs in the environment."""
-    groups: dict[Hashable, list[Trial]] = defaultdict(list)
-    for index, job in enumerate(jobs):
-        key = find_environment_key(job.trials), job.trials.randomization.stretch
-        groups[key] += split_job(index, job)
-    results: dict[tuple[int, int], TrialResult] = {}
-    for trials in groups.values():
-        first = jobs[trials[0].job].trials
-        controller = find_trial_controller(first)
-        for environment, own_trials in _group_by_environment(
-            first, trials, threads, config or first.rollout, engine
-        ):
-            results |= _run_trials(environment, controller, own_trials)
-    return [
-        _summarize([results[index, number] for number in range(job.trials.count)])
-        for index, job in enumerate(jobs)
-    ]
+def simulate_bodies(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
+    """Try jobs; those of a body whose environment cannot be made fail, as where no way is wide enough for it."""
+    try:
+        return simulate(jobs, threads)
+    except NoEnvironmentError as error:
+        places: dict[Organism, list[int]] = defaultdict(list)
+        for place, job in enumerate(jobs):
+            places[job.trials.find_organism()].append(place)
+        if len(places) == 1:
+            _warn_of_body(jobs[0].trials.find_organism().num_modules, str(error))
+            return [make_failure(job.trials, str(error)) for job in jobs]
+    outcomes: dict[int, Outcome] = {}
+    for own in places.values():
+        outcomes |= zip(own, simulate_bodies([jobs[place] for place in own], threads), strict=True)
+    return [outcomes[place] for place in range(len(jobs))]
+
+
+@lru_cache(maxsize=1000)
+def _warn_of_body(modules: int, error: str) -> None:
+    """Log once what is wrong with a body."""
+    logger.warning("a body of %d modules counts as failed: %s", modules, error)
 
 
 def warm_up(trials: Trials, num_jobs: int, threads: int, engine: str = "mujoco") -> None:
     """Compile the environment in which jobs will be tried, which also checks arena, body, start and goal."""
     job = Job(np.zeros(len(find_trial_controller(trials).parameters)), trials)
     expected = [trial for index in range(num_jobs) for trial in split_job(index, job)]
-    for environment, _ in _group_by_environment(trials, expected, threads, trials.rollout, engine):
+    for environment, _ in _group_by_environment(trials, expected, threads, engine):
         first = np.arange(environment.num_envs) == 0  # the first trial begins there anyway
         try:
             environment.reset(options={"reset_mask": first})
@@ -178,26 +134,21 @@ def warm_up(trials: Trials, num_jobs: int, threads: int, engine: str = "mujoco")
             raise NoEnvironmentError(f"the environment cannot be made: {error}") from error
 
 
-_DIFFERENT = ("arena", "randomization", "count", "seed")
-"""Fields in which trials that share an environment may differ, the name of the arena among them."""
-
-
-def find_environment_key(trials: Trials) -> Hashable:
+def _find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
     others = [getattr(trials, each.name) for each in fields(trials) if each.name not in _DIFFERENT]
     return find_arena_key(trials.arena), *others
 
 
-def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
+def make_environment_options(trials: Trials) -> dict[str, Any]:
     """Return the options of the environment in which trials take place."""
-    sensors = find_trial_controller(trials).sensors
-    stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
-    patience = {"stuck_time": stuck_time} if trials.has_parameter("stuck_time") else {}
-    options = {"sensors": sensors} | patience | trials.make_options()
-    body = trials.modules if trials.organism is None else trials.organism
+    options: dict[str, Any] = {"sensors": find_trial_controller(trials).sensors}
+    if trials.has_parameter("stuck_time"):
+        options["stuck_time"] = trials.rollout.stuck_time
     if trials.descriptors:
         options["recorders"] = trials.descriptors
-    return options | {"arena": prepare_arena(trials.arena), "modules": body}
+    body = trials.modules if trials.organism is None else trials.organism
+    return options | trials.make_options() | {"arena": prepare_arena(trials.arena), "modules": body}
 
 
 def split_job(index: int, job: Job) -> list[Trial]:
@@ -219,51 +170,46 @@ def split_job(index: int, job: Job) -> list[Trial]:
 
 
 def _group_by_environment(
-    conditions: Trials, trials: Sequence[Trial], threads: int, config: RolloutConfig, engine: str
+    conditions: Trials, trials: Sequence[Trial], threads: int, engine: str
 ) -> Iterator[tuple[OrganismVectorEnv, list[Trial]]]:
     """Yield environments and their trials: one for all stretches, or one each where they are too different."""
-    key = find_environment_key(conditions), engine
+    key = _find_environment_key(conditions), engine
     stretches = tuple(sorted(set(conditions.randomization.stretch)))
     if (key, stretches) not in _separate:
         try:
-            yield _find_environment(conditions, stretches, len(trials), threads, config, engine), list(trials)
+            yield _find_environment(conditions, stretches, len(trials), threads, engine), list(trials)
             return
         except LayoutError:
             _separate.add((key, stretches))
     for stretch in stretches:
-        own_trials = [trial for trial in trials if trial.stretch == stretch]
-        if own_trials:
-            count = len(own_trials)
-            yield _find_environment(conditions, (stretch,), count, threads, config, engine), own_trials
+        own = [trial for trial in trials if trial.stretch == stretch]
+        if own:
+            yield _find_environment(conditions, (stretch,), len(own), threads, engine), own
 
 
 def _find_environment(
-    conditions: Trials,
-    stretches: tuple[float, ...],
-    num_trials: int,
-    threads: int,
-    config: RolloutConfig,
-    engine: str,
+    conditions: Trials, stretches: tuple[float, ...], num_trials: int, threads: int, engine: str
 ) -> OrganismVectorEnv:
     """Return a large enough environment, a new one or one that was used before."""
-    on_device = engine != "mujoco"
-    sizes = _list_device_sizes(num_trials) if on_device else config.batch_sizes
+    same = (_find_environment_key(conditions), stretches, threads, engine)
+    on_device, sizes = engine != "mujoco", list(_BATCH_SIZES)
+    if on_device:  # it takes all trials at once: this many, or as many as one was made for before
+        sizes = sorted({num_trials, *(size for _, size in _environments if size > num_trials)})  # pyright: ignore[reportGeneralTypeIssues]
     size = next((size for size in sizes if size >= num_trials), sizes[-1])
-    same = (find_environment_key(conditions), config.stuck_time, stretches, threads, engine)
     larger = [(same, each) for each in sizes if each >= size and (same, each) in _environments]
     key = larger[0] if larger else (same, size)
     if key not in _environments:
-        while len(_environments) >= config.max_environments:
+        while len(_environments) >= MAX_ENVIRONMENTS:
             _environments.popitem(last=False)[1].close()
+        controller = find_trial_controller(conditions)
+        make = partial(_make_device_environment, controller) if on_device else OrganismVectorEnv
         try:
-            controller = find_trial_controller(conditions)
-            make = partial(make_device_environment, controller) if on_device else OrganismVectorEnv
             _environments[key] = make(
                 num_envs=size,
                 num_threads=None if on_device else threads,
                 autoreset_mode=AutoresetMode.DISABLED,
                 stretches=stretches,
-                **make_environment_options(conditions, config.stuck_time),
+                **make_environment_options(conditions),
             )
         except LayoutError:
             raise
@@ -273,102 +219,75 @@ def _find_environment(
     return _environments[key]
 
 
-def _list_device_sizes(num_trials: int) -> list[int]:
-    """Return the sizes of environments on a device that take all trials: this one, and those made for more before."""
-    return sorted({num_trials, *(size for _, size in _environments if size > num_trials)})  # pyright: ignore[reportGeneralTypeIssues]
+class _Rows:
+    """Which trial runs in each sub-environment of an environment, with which genotype."""
+
+    def __init__(self, environment: Any, controller: Controller, trials: Sequence[Trial]) -> None:
+        self.environment, self.waiting = environment, deque(trials)
+        self.running: list[Trial | None] = [None] * environment.num_envs
+        self.genotypes = np.zeros((environment.num_envs, len(controller.parameters)))
+        self.effort = np.zeros(environment.num_envs)
+
+    def start(self, free: Iterable[int]) -> Float[Any, "E O"]:
+        """Start waiting trials in free sub-environments; return the observations of all."""
+        count = self.environment.num_envs
+        mask, seeds, stretches = np.zeros(count, dtype=bool), [None] * count, [None] * count
+        options: dict[str, list[float | None]] = {name: [None] * count for name in CONDITIONS}
+        for row in free:
+            if not self.waiting:
+                break
+            trial = self.running[row] = self.waiting.popleft()
+            genes = trial.genotype[: self.genotypes.shape[1]]
+            mask[row], self.genotypes[row], self.effort[row] = True, genes, 0.0
+            seeds[row], stretches[row] = trial.seed, trial.stretch  # pyright: ignore[reportCallIssue, reportArgumentType]
+            for name in CONDITIONS:
+                options[name][row] = trial.conditions.get(name, 0.0)
+        resets = {**options, "stretch": stretches, "reset_mask": mask}
+        return self.environment.reset(seed=seeds, options=resets)[0]
+
+    def end(
+        self, row: int, info: Mapping[str, Any], records: Any = None
+    ) -> dict[tuple[int, int], TrialResult]:
+        """Return the result of the trial in a sub-environment, which is free then; nothing where it was free."""
+        trial, self.running[row] = self.running[row], None
+        if trial is None:
+            return {}
+        result = TrialResult(
+            success=bool(info["success"][row]),
+            progress=float(info["progress"][row]),
+            effort=float(self.effort[row]),
+            seconds=float(info["time"][row]),
+            diverged=bool(info["diverged"][row]),
+            records=records and {name: np.asarray(each, np.float64) for name, each in records(row).items()},
+        )
+        return {(trial.job, trial.number): result}
 
 
 def _run_trials(
     environment: OrganismVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
-    if is_on_device(environment):
-        return _run_all(environment, controller, trials)
-    num_envs = environment.num_envs
-    shape = environment.action_space.shape or (num_envs,)
-    structure, has_records = environment.observation_structure, bool(environment.config.recorders)
-    waiting = deque(trials)
-    running: list[Trial | None] = [None] * num_envs
-    genotypes = np.zeros((num_envs, len(controller.parameters)))
-    effort = np.zeros(num_envs)
-    state = controller.begin(num_envs)
+    rows = _Rows(environment, controller, trials)
+    shape, structure = environment.action_space.shape or (0,), environment.observation_structure
+    records = environment.read_records if environment.config.recorders else None
+    state = controller.begin(environment.num_envs)
     results: dict[tuple[int, int], TrialResult] = {}
-    observation = _start_trials(environment, waiting, running, genotypes, effort, range(num_envs))
+    observation = rows.start(range(environment.num_envs))
     while len(results) < len(trials):
-        actions, state = controller.act(observation, genotypes, structure, state)
+        actions, state = controller.act(observation, rows.genotypes, structure, state)
         if actions.shape != shape:
             raise RunError(
                 f"controller {controller.name!r} returns {actions.shape[-1]} numbers for an action of {shape[-1]}; "
                 "give a controller that drives the tracks, too, or leave out track_control"
             )
         observation, _, terminated, truncated, info = environment.step(actions)
-        effort -= info.get("reward_effort", 0.0)
+        rows.effort -= info.get("reward_effort", 0.0)
         ended = (terminated | truncated).nonzero()[0].tolist()
         for row in ended:
-            trial = running[row]
-            if trial is not None:
-                results[trial.job, trial.number] = TrialResult(
-                    success=bool(info["success"][row]),
-                    progress=float(info["progress"][row]),
-                    effort=float(effort[row]),
-                    seconds=float(info["time"][row]),
-                    diverged=bool(info["diverged"][row]),
-                    records=as_records(environment.read_records(row)) if has_records else None,
-                )
-                running[row] = None
-        if ended and waiting:
+            results |= rows.end(row, info, records)
+        if ended and rows.waiting:
             state = reset_rows(controller, state, ended)
-            observation = _start_trials(environment, waiting, running, genotypes, effort, ended)
+            observation = rows.start(ended)
     return results
-
-
-def _run_all(
-    environment: OrganismVectorEnv, controller: Controller, trials: Sequence[Trial]
-) -> dict[tuple[int, int], TrialResult]:
-    """Run trials side by side on a device, which has room for all of them."""
-    num_envs = environment.num_envs
-    running: list[Trial | None] = [None] * num_envs
-    genotypes = np.zeros((num_envs, len(controller.parameters)))
-    begun = _start_trials(environment, deque(trials), running, genotypes, np.zeros(num_envs), range(num_envs))
-    info, effort = run_on_device(cast(Any, environment), controller, genotypes, begun)
-    return {
-        (trial.job, trial.number): TrialResult(
-            success=bool(info["success"][row]),
-            progress=float(info["progress"][row]),
-            effort=float(effort[row]),
-            seconds=float(info["time"][row]),
-            diverged=bool(info["diverged"][row]),
-        )
-        for row, trial in enumerate(running)
-        if trial is not None
-    }
-
-
-def _start_trials(
-    environment: OrganismVectorEnv,
-    waiting: deque[Trial],
-    running: list[Trial | None],
-    genotypes: Float[np.ndarray, "E G"],
-    effort: Float[np.ndarray, " E"],
-    free: Iterable[int],
-) -> Float[Any, "E O"]:
-    """Start waiting trials in free sub-environments; return the observations of all."""
-    mask = np.zeros(environment.num_envs, dtype=bool)
-    options: dict[str, list[float | None]] = {name: [None] * environment.num_envs for name in CONDITIONS}
-    seeds: list[int | None] = [None] * environment.num_envs
-    stretches: list[float | None] = [None] * environment.num_envs
-    for row in free:
-        if not waiting:
-            break
-        trial = running[row] = waiting.popleft()
-        mask[row], genotypes[row], effort[row] = True, trial.genotype[: genotypes.shape[1]], 0.0
-        seeds[row] = trial.seed
-        stretches[row] = trial.stretch
-        for name in CONDITIONS:
-            options[name][row] = trial.conditions.get(name, 0.0)
-    observation, _ = environment.reset(
-        seed=seeds, options={**options, "stretch": stretches, "reset_mask": mask}
-    )
-    return observation
 
 
 def _summarize(results: Sequence[TrialResult]) -> Outcome:
@@ -381,3 +300,76 @@ def _summarize(results: Sequence[TrialResult]) -> Outcome:
         diverged=sum(each.diverged for each in results),
         descriptors=tuple(each.records for each in results if each.records is not None),
     )
+
+
+def _make_device_environment(controller: Controller, stretches: Sequence[float], **options: Any) -> Any:
+    """Return an environment whose physics is on a device, and all else if it can be."""
+    if len(stretches) > 1:
+        raise LayoutError(f"backend 'warp' holds one arena, and there are stretches {tuple(stretches)}")
+    try:
+        environment: Any = make_vector_env(backend="warp", array="jax", stretch=stretches[0], **options)
+        _check_controller(controller, environment)
+    except (TaskError, OptionError, TypeError, AttributeError) as error:
+        logger.info("observations, rewards and controllers are computed on the host: %s", error)
+        return make_vector_env(backend="warp", stretches=stretches, **options)
+    return environment
+
+
+def _check_controller(controller: Controller, environment: DeviceVectorEnv) -> None:
+    """Trace a controller."""
+    import jax
+
+    num, shape = environment.num_envs, (environment.num_envs, len(controller.parameters))
+    seen, genes = (
+        jax.ShapeDtypeStruct(each, np.float32) for each in (environment.observation_space.shape, shape)
+    )
+    try:
+        actions, _ = jax.eval_shape(_make_act(controller, environment), seen, genes, controller.begin(num))
+    except Exception as error:  # whatever a controller of a user raises: it then acts on the host
+        raise TypeError(f"controller {controller.name!r} does not run on a device: {error}") from error
+    if actions.shape != environment.action_space.shape:
+        raise TypeError(f"controller {controller.name!r} returns actions of shape {actions.shape}")
+
+
+def _make_act(controller: Controller, environment: DeviceVectorEnv) -> Any:
+    structure = environment.observation_structure
+    return lambda seen, genes, state: controller.act(seen, genes, structure, state)
+
+
+def _is_on_device(environment: Any) -> bool:
+    """Return whether observations and actions of an environment stay on a device."""
+    return getattr(environment, "array", "numpy") == "jax"
+
+
+def _run_on_device(
+    environment: DeviceVectorEnv, controller: Controller, trials: Sequence[Trial]
+) -> dict[tuple[int, int], TrialResult]:
+    """Run trials side by side on a device, which has room for all of them."""
+    import jax
+    import jax.numpy as jnp
+
+    rows = _Rows(environment, controller, trials)
+    observation = rows.start(range(environment.num_envs))
+    act = jax.jit(_make_act(controller, environment))
+
+    @jax.jit
+    def add_up(effort: Any, running: Any, spent: Any, ended: Any) -> tuple[Any, Any]:
+        return effort - jnp.where(running, spent, 0.0), running & ~ended
+
+    with jax.default_device(environment.batch.jax_device):
+        state = jax.tree.map(jnp.asarray, controller.begin(environment.num_envs))
+        genes = jnp.asarray(rows.genotypes, dtype=jnp.float32)
+        effort, running = jnp.zeros(environment.num_envs), environment.find_running()
+        info, tick = {}, 0
+        while tick % _TICKS_BETWEEN_LOOKS or bool(running.any()):
+            actions, state = act(observation, genes, state)
+            observation, _, terminated, truncated, info = environment.step(actions)
+            spent = info.get("reward_effort", jnp.zeros_like(effort))
+            effort, running = add_up(effort, running, spent, terminated | truncated)
+            tick += 1
+    rows.effort = np.asarray(effort, dtype=float)
+    last = {name: np.asarray(info[name]) for name in ("success", "progress", "time", "diverged")}
+    results: dict[tuple[int, int], TrialResult] = {}
+    for row in range(environment.num_envs):
+        results |= rows.end(row, last)
+    return results

@@ -1,19 +1,18 @@
-"""The fitness of an outcome: the weights that ship, or any function of a user."""
+"""The outcome of trials and its fitness, by the weights that ship or any function of a user; what is kept of trials."""
 
 from __future__ import annotations
 
-import json
+import inspect
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 
 from evolution._src.errors import RunError
-from evolution._src.references import Reference, check_signature, check_versions, find_object, find_versions
+from evolution._src.references import Stored, find_object
 from reconstruction._src.base.range_checks import coerce_floats
-from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.tasks.recorders import (
     Descriptor,
     Extremes,
@@ -22,14 +21,45 @@ from symbrion_gym._src.tasks.recorders import (
     Recorder,
     Trajectory,
 )
-from symbrion_gym._src.tasks.storage import describe, restore
 
 if TYPE_CHECKING:
-    from evolution._src.backends.outcome import Outcome
     from symbrion_gym._src.robot.organism import Organism
 
 ScoringFunction: TypeAlias = "Callable[[Outcome, Organism], float]"
-MAX_WEIGHT = 1e6  # Largest weight of a term of the fitness [m of progress]
+_MAX_WEIGHT = 1e6  # Largest weight of a term of the fitness [m of progress]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of a genotype's trials.
+
+    Attributes:
+        progress: progress of the whole body, mean over trials [m].
+        effort: mean over trials.
+        succeeded: for each trial, whether the strict success check passed.
+        seconds: simulated, summed over trials [s].
+        diverged: number of trials whose physics diverged.
+        error: why it could not be tried; empty if it could.
+        descriptors: for each trial, what `TrialConfig.descriptors` kept of it: name -> numbers; empty without any.
+    """
+
+    progress: float
+    effort: float
+    succeeded: tuple[bool, ...]
+    seconds: float = 0.0
+    diverged: int = 0
+    error: str = ""
+    descriptors: tuple[dict[str, np.ndarray], ...] = field(default=(), compare=False)
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return len(self.succeeded)
+
+    @property
+    def successes(self) -> int:
+        """Number of successful trials."""
+        return sum(self.succeeded)
 
 
 @dataclass(frozen=True)
@@ -50,9 +80,8 @@ class Scoring:
     module: float = 0.05
 
     def __post_init__(self) -> None:
-        coerce_floats(
-            self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)), RunError
-        )
+        limits = (-_MAX_WEIGHT, _MAX_WEIGHT)
+        coerce_floats(self, {"success": limits, "effort": limits, "module": limits}, RunError)
 
     def __call__(self, outcome: Outcome, body: Organism) -> float:
         """Return the fitness of an outcome of a body."""
@@ -64,32 +93,31 @@ class Scoring:
         return outcome.progress + self.success * rate - self.effort * outcome.effort - self.module * modules
 
 
-def find_scoring(scoring: ScoringFunction | Reference | str) -> ScoringFunction | Reference:
-    """Return a scoring, imported where it is named; a reference that a file contains stays one."""
-    if isinstance(scoring, Reference):
+def find_scoring(scoring: Any) -> Any:
+    """Return a scoring, imported where it is named; what a file says of one stays as it is."""
+    if isinstance(scoring, Stored):
         return scoring
-    found: Any = find_object(scoring, "scoring") if isinstance(scoring, str) else scoring
+    found = find_object(scoring, "scoring") if isinstance(scoring, str) else scoring
     if isinstance(found, type):
-        found = _make_instance(found)
-    if not callable(found):
-        raise RunError(f"scoring is {found!r}; a `Scoring`, or a function of (outcome, body), is needed")
-    function = cast("ScoringFunction", found)
-    if type(found) is not Scoring:
-        check_signature(function, "scoring", "outcome", "body")
-    return function
-
-
-def _make_instance(found: type) -> object:
+        try:
+            found = found()
+        except Exception as error:  # code of the user
+            raise RunError(f"scoring {found} cannot be made without arguments: {error}") from error
+    if type(found) is Scoring:
+        return found
     try:
-        return found()
-    except Exception as error:  # code of the user
-        raise RunError(f"scoring {found.__qualname__} cannot be made without arguments: {error}") from error
+        inspect.signature(found).bind("outcome", "body")
+    except (TypeError, ValueError) as error:
+        raise RunError(
+            f"scoring is {found!r}; a `Scoring`, or a function of (outcome, body), is needed ({error})"
+        ) from error
+    return found
 
 
-def compute_fitness(scoring: ScoringFunction | Reference, outcome: Outcome, body: Organism) -> float:
+def compute_fitness(scoring: Any, outcome: Outcome, body: Organism) -> float:
     """Return the fitness of an outcome."""
-    if isinstance(scoring, Reference):
-        raise RunError(f"scoring {scoring.name} is not imported; `resume` restores it")
+    if isinstance(scoring, Stored):
+        raise RunError("the scoring of a file is not imported; `resume` restores it")
     try:
         fitness = float(scoring(outcome, body))
     except Exception as error:  # code of the user
@@ -106,61 +134,24 @@ RECORDERS: Mapping[str, Recorder] = {
     "trajectory": Trajectory(),
 }
 """Recorders by name."""
-Records: TypeAlias = dict[str, np.ndarray]  # What is kept of a trial: name -> numbers
-
-
-@dataclass(frozen=True)
-class StoredDescriptors:
-    """What a file says of descriptors; nothing of them is imported yet."""
-
-    text: str  # JSON text
-
-    def restore(self, what: str, allow: Collection[str] = ()) -> tuple[Recorder, ...]:
-        """Return the recorders; of the user's code only modules in `allow` are imported."""
-        content = json.loads(self.text)
-        versions = (
-            content.pop() if content and isinstance(content[-1], dict) and "versions" in content[-1] else {}
-        )
-        try:
-            check_versions(versions.get("versions", {}), what, allow)
-            return check_descriptors(restore(content, allow))
-        except (TaskError, AttributeError) as error:
-            raise RunError(f"{what}: {error}") from error
 
 
 def check_descriptors(descriptors: Any) -> Any:
     """Return recorders; what a file says of them stays as it is."""
-    if isinstance(descriptors, StoredDescriptors):
+    if isinstance(descriptors, Stored):
         return descriptors
     if isinstance(descriptors, str) or not isinstance(descriptors, Sequence):
         descriptors = (descriptors,)
     return tuple(_find_recorder(each) for each in descriptors)
 
 
-def _find_recorder(given: str | Recorder | Callable[..., Any]) -> Recorder:
-    if isinstance(given, str):
-        if given not in RECORDERS:
-            raise RunError(f"descriptors has {given!r}; there are: {', '.join(RECORDERS)}")
+def _find_recorder(given: Any) -> Recorder:
+    if isinstance(given, str) and given in RECORDERS:
         return RECORDERS[given]
     if isinstance(given, Recorder) and not isinstance(given, type):
         return given
     if callable(given):
-        return Descriptor(getattr(given, "__name__", type(given).__name__), given)
-    raise RunError(f"descriptors has {given!r}; a name, a recorder or a function of the state is needed")
-
-
-def descriptors_to_json(descriptors: Any) -> Any:
-    """Return JSON content that restores recorders."""
-    if isinstance(descriptors, StoredDescriptors):
-        return json.loads(descriptors.text)
-    try:
-        content = describe(descriptors)
-    except TaskError as error:
-        raise RunError(f"descriptors: {error}") from error
-    versions = find_versions(content, "descriptors")
-    return [*content, {"versions": versions}] if versions else content
-
-
-def as_records(kept: Mapping[str, Any]) -> Records:
-    """Return what recorders kept as numbers that a file holds."""
-    return {name: np.asarray(value, dtype=np.float64) for name, value in kept.items()}
+        return Descriptor(getattr(given, "__name__", type(given).__name__), cast(Any, given))
+    raise RunError(
+        f"descriptors has {given!r}; a recorder, a function of the state, or one of {', '.join(RECORDERS)} is needed"
+    )

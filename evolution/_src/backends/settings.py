@@ -1,20 +1,22 @@
 """What a run, its trials and its champion have in common: where, which body, what it is to do, what controls it."""
 
-import functools
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+import json
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from functools import lru_cache
 from os import PathLike
-from typing import Any
+from types import FunctionType
+from typing import Any, Self, get_type_hints
 
 import numpy as np
 
-from evolution._src.backends.scoring import check_descriptors
-from evolution._src.backends.stored_task import StoredTask, check_task
-from evolution._src.controllers.finding import find_controller
+from evolution._src.backends.scoring import Scoring, check_descriptors
+from evolution._src.controllers.finding import controller_to_json, find_controller
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.controllers.protocol import Controller
+from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
-from evolution._src.references import MAX_MAGNITUDE, MAX_MODULES, MIN_POSITIVE
+from evolution._src.references import MAX_MAGNITUDE, MAX_MODULES, MIN_POSITIVE, Stored, find_value, store
 from reconstruction._src.base.range_checks import (
     as_floats,
     as_range,
@@ -24,6 +26,7 @@ from reconstruction._src.base.range_checks import (
     coerce_integers,
     format_count,
 )
+from reconstruction._src.base.typed_json import JsonError, as_type
 from symbrion_gym._src.environment.config import RANDOM_LIMITS, STARTS, EnvironmentConfig
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Organism, snake
@@ -36,9 +39,24 @@ _OWN_FIELDS = ("arena", "modules", "organism", "task", "start")
 _USUAL_MODULES = 8
 _MAX_STRETCHES = 100  # Each is a separate arena in memory
 _STRETCH_LIMITS = (0.1, 10.0)
+MAX_ENVIRONMENTS = 12  # Compiled vector environments that a process keeps
 CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw", "patch_friction")
 """Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""
 Range = tuple[float, float]
+_OPEN = (
+    "task",
+    "scoring",
+    "descriptors",
+)  # Fields that take values of a user, which a file keeps as `Stored`
+_TYPES_IN_FILES: dict[str, Any] = {
+    "arena": str,
+    "modules": int,
+    "task": str | None,
+    "controller": str | dict[str, Any],
+    "scoring": Scoring,
+    "descriptors": tuple[()],
+}
+"""Types of fields in a file, where these are not `Stored`."""
 
 
 class _TakesOptions(type):
@@ -81,9 +99,8 @@ class EpisodeConfig(metaclass=_TakesOptions):
     origin: str = "zero"
 
     def __post_init__(self) -> None:
-        self._set("task", check_task(self.task))
-        known = None if isinstance(self.task, StoredTask) else self.task
-        self._set("environment", sort_options(self.environment, known))
+        self._set("task", _check_task(self.task))
+        self._set("environment", _sort_options(self.environment, self.task))
         if isinstance(self.start, str):
             check_choice("start", self.start, STARTS, RunError)
         elif self.start is not None:
@@ -134,6 +151,93 @@ class EpisodeConfig(metaclass=_TakesOptions):
         """Return the controller for a body."""
         num_tracks = count_tracks(self.track_control, organism.num_modules)
         return find_controller(self.controller, organism, num_tracks)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain JSON content of all fields.
+
+        Raises:
+            RunError: a part is an object of a user that nothing would restore.
+        """
+        types = _list_types(type(self)).items()
+        content = {name: _to_plain(name, getattr(self, name), kind) for name, kind in types}
+        try:
+            return json.loads(json.dumps(content | {"environment": dict(self.environment)}))
+        except TypeError as error:
+            raise RunError(
+                f"environment: {error}, and a run is stored as text; use numbers and names"
+            ) from error
+
+    @classmethod
+    def from_json(cls, content: object, where: str = "config") -> Self:
+        """Return what `to_json` described; this imports nothing.
+
+        Raises:
+            RunError: a field is missing or unknown, or its value of the wrong kind.
+        """
+        kinds = _list_types(cls)
+        if not isinstance(content, dict):
+            raise RunError(f"{where or 'content'} is {content!r}; an object is needed")
+        unknown = sorted(set(map(str, content)) - set(kinds))
+        if unknown:
+            raise RunError(f"{where or 'it'} has unknown entries {unknown}; there are {', '.join(kinds)}")
+        lead = f"{where}." if where else ""
+        return cls(
+            **{name: _from_plain(name, each, kinds[name], lead + name) for name, each in content.items()}
+        )
+
+    def restore(self, allow: Collection[str] = ()) -> Self:
+        """Return the same with what a user wrote imported again, from modules in `allow` alone.
+
+        Raises:
+            RunError: something cannot be imported, is not allowed, or has changed since it was stored.
+        """
+        changes: dict[str, Any] = {}
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, Stored):
+                changes[each.name] = value.restore(each.name, allow)
+            elif isinstance(value, ControllerSource):
+                changes[each.name] = value.allow(allow)
+        return replace(self, **changes) if changes else self
+
+
+def _list_types(cls: type[EpisodeConfig]) -> dict[str, Any]:
+    """Return the type of each field in a file."""
+    kinds = get_type_hints(cls) | _TYPES_IN_FILES
+    return {each.name: kinds[each.name] for each in fields(cls)}
+
+
+def _to_plain(name: str, value: Any, kind: Any) -> Any:
+    """Return JSON content of a field."""
+    if isinstance(value, Stored):
+        return json.loads(value.text)
+    if name == "controller":
+        return controller_to_json(value)
+    if name in _OPEN and not (
+        value is None or value == () or isinstance(value, str) or type(value) is Scoring
+    ):
+        return store(value, name)
+    if not is_dataclass(value):
+        return value
+    if isinstance(kind, type) and type(value) is not kind:
+        raise RunError(
+            f"{name} is a {type(value).__qualname__}, which a file does not keep; use {kind.__name__}"
+        )
+    return asdict(value)  # pyright: ignore[reportArgumentType]
+
+
+def _from_plain(name: str, value: Any, kind: Any, where: str) -> Any:
+    """Return a field of its JSON content."""
+    if name in _OPEN and isinstance(value, dict) and "value" in value:
+        return Stored(json.dumps(value, sort_keys=True))
+    if name == "environment" and isinstance(value, dict):
+        value = list(value.items())
+    if name in ("controller", "task") and isinstance(value, str) and ":" in value:
+        raise RunError(f"{where} is {value!r}; files name code by an object with its version, not as text")
+    try:
+        return as_type(value, kind, where)
+    except JsonError as error:
+        raise RunError(str(error)) from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,23 +335,12 @@ class RolloutConfig:
         stuck_time: a body without progress for this long ends its trial [s], unless the options of the environment say
             otherwise. Shorter than the environment's default: a controller without memory that made no progress in 5 s
             will make none. Changes results.
-        batch_sizes: sub-environments of a vector environment; the smallest size that takes all trials is used, or a
-            larger one that is compiled already. Few sizes mean few compilations. Changes the speed only.
-        max_environments: compiled vector environments that a process keeps. Changes the speed and memory only.
     """
 
     stuck_time: float = 5.0
-    batch_sizes: tuple[int, ...] = (8, 16, 24, 36, 48)
-    max_environments: int = 12
 
     def __post_init__(self) -> None:
         coerce_floats(self, {"stuck_time": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
-        object.__setattr__(self, "batch_sizes", tuple(self.batch_sizes))
-        if not self.batch_sizes or min(self.batch_sizes) < 1 or self.max_environments < 1:
-            raise RunError(
-                f"batch_sizes is {self.batch_sizes} and max_environments {self.max_environments}; "
-                "at least one each, from 1, is needed"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,33 +381,29 @@ def read_organism(organism: Organism | int | str | PathLike[str]) -> Organism:
         raise RunError(f"organism: {error}") from error
 
 
-@functools.lru_cache(maxsize=MAX_MODULES)
-def _make_snake(modules: int) -> Organism:
-    """Return a snake of Scouts."""
-    return snake(modules)
+_make_snake = lru_cache(maxsize=MAX_MODULES)(snake)
 
 
 def _as_point(name: str, values: Any) -> Point:
     try:
         point = as_floats(name, np.ravel(values).tolist(), -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
-    except (TypeError, ValueError, RunError) as error:
-        raise RunError(f"{name} is {values!r}; (x, y) or (x, y, z) in meters is needed") from error
+    except (TypeError, ValueError, RunError):
+        point = ()
     if len(point) not in (2, 3):
         raise RunError(f"{name} is {values!r}; (x, y) or (x, y, z) in meters is needed")
     return point
 
 
-def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: object = None) -> Options:
+def _sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: Any) -> Options:
     """Return options as sorted pairs, lists in them as tuples."""
     pairs = options.items() if isinstance(options, Mapping) else options
     found = tuple(sorted((str(name), _freeze(value)) for name, value in pairs))
     for name, value in found:
         if name in _OWN_FIELDS:
             raise RunError(f"environment.{name} is {value!r}, which would be overwritten; give {name} itself")
-        if not _is_hashable(value):
-            raise RunError(f"environment.{name} is {value!r}; a number, text or list of these is needed")
     try:
-        EnvironmentConfig.from_options(dict(found) | {"task": task})
+        hash(found)
+        EnvironmentConfig.from_options(dict(found) | {"task": None if isinstance(task, Stored) else task})
     except (TypeError, ValueError) as error:
         raise RunError(f"environment: {error}") from error
     return found
@@ -324,9 +413,23 @@ def _freeze(value: Any) -> Any:
     return tuple(map(_freeze, value)) if isinstance(value, list | tuple) else value
 
 
-def _is_hashable(value: Any) -> bool:
-    try:
-        hash(value)
-    except TypeError:
-        return False
-    return True
+def _check_task(task: Any) -> Any:
+    """Return a task: None, a `Task`, its name, "module:name" of one or of its maker, or what a file says of it."""
+    if task is None or isinstance(task, Stored):
+        return task
+    from symbrion_gym._src.tasks.catalog import TASKS
+    from symbrion_gym._src.tasks.task import Task
+
+    if isinstance(task, str) and task in TASKS:
+        return task
+    found = find_value(task, "task") if isinstance(task, str) and ":" in task else task
+    if isinstance(found, FunctionType):
+        try:
+            found = found()
+        except Exception as error:  # code of the user
+            raise RunError(f"task {task} cannot be made: {error}") from error
+    if isinstance(found, Task):
+        return found
+    raise RunError(
+        f"task is {task!r}; a `Task`, 'module:name' of one, or one of {', '.join(TASKS)} is needed"
+    )

@@ -11,15 +11,14 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from evolution._src.backends.cluster import make_backend
-from evolution._src.backends.outcome import Outcome
 from evolution._src.backends.rollout import make_environment_options
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import BodyConfig, EpisodeConfig, Randomization, take_fields
 from evolution._src.backends.trials import Job, Trials, find_trial_controller
 from evolution._src.controllers.protocol import Controller, Structure, check_genotypes, reset_rows
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_TRIALS
 from evolution._src.search.run import load_champion
-from evolution._src.search.stored_config import restore
 from evolution._src.search.validation import Champion
 from reconstruction._src.base.range_checks import as_integers
 from symbrion_gym._src.environment.organism_env import OrganismEnv
@@ -156,7 +155,7 @@ def make_champion_trials(
     **others: Any,
 ) -> Trials:
     """Return trials of a champion: its body, its controller and its task, all found again in the arena."""
-    champion = restore(champion, allow)
+    champion = champion.restore(allow)
     settings = take_fields(champion, EpisodeConfig) | take_fields(champion, BodyConfig) | {"arena": arena}
     if start is None and isinstance(champion.find_start(), str):
         start = "floor"
@@ -230,7 +229,7 @@ class ChampionPolicy:
         self, champion: Champion | str | Path, structure: Structure, allow: Collection[str] = ()
     ) -> None:
         loaded = champion if isinstance(champion, Champion) else load_champion(champion)
-        self.champion = restore(loaded, allow)
+        self.champion = loaded.restore(allow)
         self._organism = self.champion.find_organism()
         self._controller = self.champion.make_controller(self._organism)
         self._genotype = np.array(self.champion.genotype)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import inspect
 import sys
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from evolution._src.errors import RunError
-from evolution._src.references import check_allowed
+from evolution._src.references import check_allowed, find_value, split_name
 from reconstruction._src.base.typed_json import JsonError, as_type
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ class ControllerSource:
     is_allowed: bool = dataclasses.field(default=True, compare=False)
 
     def __post_init__(self) -> None:
-        split_path(self.source)
+        split_name(self.source, "controller")
         if self.arguments is not None:
             arguments = tuple((str(name), _freeze(value)) for name, value in self.arguments)
             object.__setattr__(self, "arguments", arguments)
@@ -115,30 +114,9 @@ def _find_path(thing: Any, qualname: str) -> str:
     return path
 
 
-def split_path(path: str) -> tuple[str, str]:
-    """Return module and name of "module:name"."""
-    module, _, name = path.partition(":")
-    if not all(part.isidentifier() for part in (*module.split("."), *name.split("."))):
-        raise RunError(f'controller is {path!r}; "module:name" is needed, such as "my_package.walking:Wave"')
-    return module, name
-
-
 def import_path(path: str) -> Any:
     """Import what "module:name" names."""
-    module, name = split_path(path)
-    try:
-        found: Any = importlib.import_module(module)
-    except Exception as error:  # whatever the module of a user raises
-        raise RunError(
-            f"controller {path!r}: module {module!r} cannot be imported ({type(error).__name__}: {error}); "
-            "start in the folder that contains it, or add that folder to PYTHONPATH"
-        ) from error
-    for part in name.split("."):
-        if not hasattr(found, part):
-            public = [each for each in vars(found) if not each.startswith("_")]
-            raise RunError(f"controller {path!r}: there is no {part!r} in it; there are: {', '.join(public)}")
-        found = getattr(found, part)
-    return found
+    return find_value(path, "controller")
 
 
 def make_from(found: Any, organism: Organism, num_tracks: int, what: str) -> Any:

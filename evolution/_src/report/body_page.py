@@ -12,14 +12,14 @@ from evolution._src.champions.playback import play
 from evolution._src.errors import RunError
 from evolution._src.report.figures import draw_bodies, to_png
 from evolution._src.report.page import Card, Page
-from evolution._src.search.bodies.algorithms import (
+from evolution._src.search.bodies.algorithms import LevelResult
+from evolution._src.search.bodies.run import (
+    BodyRun,
     compute_effort_weight,
     describe_success,
     explain_fitness,
     format_fitness,
 )
-from evolution._src.search.bodies.learning import LevelResult
-from evolution._src.search.bodies.run import BodyRun
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_count, format_energy
 
@@ -60,10 +60,10 @@ def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Pr
     fittest = run.list_fittest()[:MOST_CARDS]
     if not fittest:
         raise RunError("no body has learned yet; resume the run")
-    bodies = format_count(len({each.body.canonical_text for each in run.record.results}), "body", "bodies")
+    bodies = format_count(len({each.body.canonical_text for each in run.results}), "body", "bodies")
     page = Page(
         title="Bodies that evolved",
-        summary=f"{bodies} learned in {run.config.arena}, {run.record.seconds:.0f} s of robot time.",
+        summary=f"{bodies} learned in {run.config.arena}, {run.seconds:.0f} s of robot time.",
         footer=describe_machine(),
     )
     champion = run.champion

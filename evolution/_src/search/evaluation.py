@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float, Num
 
-from evolution._src.backends.cluster import BACKENDS as BACKENDS
-from evolution._src.backends.cluster import make_backend
-from evolution._src.backends.outcome import Outcome, check_tried
-from evolution._src.backends.scoring import Scoring, ScoringFunction, compute_fitness, find_scoring
-from evolution._src.backends.simulation import Simulate
-from evolution._src.backends.trials import Job, Trials, find_trial_controller
+from evolution._src.backends.cluster import Backend, make_backend
+from evolution._src.backends.pool import Simulate
+from evolution._src.backends.scoring import Outcome, Scoring, ScoringFunction, compute_fitness, find_scoring
+from evolution._src.backends.trials import Job, Trials, check_tried, find_trial_controller
 from evolution._src.controllers.protocol import Controller, check_genotypes, warn_of_bounds
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_TRIALS
+from evolution._src.search.record import Attempt, Entry
 from reconstruction._src.base.range_checks import as_integers
 
 if TYPE_CHECKING:
@@ -24,6 +23,23 @@ if TYPE_CHECKING:
 
 Genotypes: TypeAlias = Num[np.ndarray, "*P G"] | Sequence[Num[np.ndarray, " G"]]
 """One genotype per row, a single one, or a list of them."""
+
+
+def try_attempts(attempts: Sequence[Attempt], backend: Backend, scoring: Any, generation: int) -> list[Entry]:
+    """Return an entry of a run for each of some attempts."""
+    outcomes = backend.run([attempt.job for attempt in attempts])
+    return [
+        Entry(
+            generation=generation,
+            kind=attempt.kind,
+            index=attempt.index,
+            genotype=attempt.job.genotype,
+            fitness=compute_fitness(scoring, outcome, attempt.job.trials.find_organism()),
+            outcome=outcome,
+            body=attempt.body,
+        )
+        for attempt, outcome in zip(attempts, outcomes, strict=True)
+    ]
 
 
 class Evaluation(NamedTuple):

@@ -5,74 +5,22 @@ container reveal damage.
 """
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple, TypeAlias
 
+import msgspec
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from evolution._src.backends.outcome import Outcome
-from evolution._src.backends.scoring import Records
+from evolution._src.backends.scoring import Outcome
+from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
 from reconstruction._src.base.bounded_read import read_npz
 
-PREFIX = "descriptor_"
-_COUNT = f"{PREFIX}count"
-_SHAPE = "_shape"
-_MAX_AXES = 8
-
-
-def pack(records: Sequence[Sequence[Records]]) -> dict[str, np.ndarray]:
-    """Return arrays of the descriptors of entries; none where there are no descriptors."""
-    counts = [len(trials) for trials in records]
-    flat = [trial for trials in records for trial in trials]
-    if not flat:
-        return {}
-    arrays = {_COUNT: np.array(counts, dtype="<i4")}
-    for name in flat[0]:
-        values = [trial[name] for trial in flat]
-        shapes = np.full((len(values), _MAX_AXES), -1, dtype="<i4")
-        for row, value in enumerate(values):
-            shapes[row, : value.ndim] = value.shape
-        arrays[f"{PREFIX}{name}"] = np.concatenate([value.ravel() for value in values]).astype("<f8")
-        arrays[f"{PREFIX}{name}{_SHAPE}"] = shapes
-    return arrays
-
-
-def unpack(arrays: Mapping[str, np.ndarray], num_entries: int) -> list[tuple[Records, ...]]:
-    """Return the descriptors that `pack` packed; of files without any, empty ones."""
-    if _COUNT not in arrays:
-        return [()] * num_entries
-    counts = arrays[_COUNT]
-    if len(counts) != num_entries or counts.min(initial=0) < 0:
-        raise ValueError("descriptors do not belong to the entries")
-    total = int(counts.sum())
-    flat: list[Records] = [{} for _ in range(total)]
-    for key in arrays:
-        if key.startswith(PREFIX) and key.endswith(_SHAPE):
-            name = key.removeprefix(PREFIX).removesuffix(_SHAPE)
-            values = _split(arrays[f"{PREFIX}{name}"], arrays[key], total)
-            for trial, value in zip(flat, values, strict=True):
-                trial[name] = value
-    ends = np.cumsum(counts)
-    return [tuple(flat[end - count : end]) for end, count in zip(ends, counts, strict=True)]
-
-
-def _split(values: np.ndarray, shapes: np.ndarray, total: int) -> list[np.ndarray]:
-    if shapes.shape != (total, _MAX_AXES) or values.dtype != "<f8":
-        raise ValueError("shapes of descriptors do not belong to their values")
-    lengths = [tuple(int(axis) for axis in shape if axis >= 0) for shape in shapes]
-    sizes = [int(np.prod(length, dtype=np.int64)) for length in lengths]
-    if sum(sizes) != len(values):
-        raise ValueError("descriptors are missing")
-    parts = np.split(values, np.cumsum(sizes)[:-1]) if sizes else []
-    return [part.reshape(length) for part, length in zip(parts, lengths, strict=True)]
-
-
-FORMAT = "symbrion run 2"
-SAMPLE, VALIDATION = 0, 2
-"""Kinds of an evaluation, part of the seeds of its trials: a genotype of a generation, new trials of a candidate."""
-
+FORMAT = "symbrion run 3"
+SAMPLE, EXAM, VALIDATION, CONFIRMATION = range(4)
+"""Kinds of an evaluation, part of the seeds of its trials: a genotype of a generation; what a body has learned at the
+end of a level; new trials of a candidate for the champion; those of the fittest bodies, after the search."""
 HISTORY = np.dtype(
     [
         ("generation", "<i4"),
@@ -93,38 +41,49 @@ HISTORY = np.dtype(
 )
 """One row per generation: `evaluations` (genotypes tried) and `trials` (of all kinds) count from the start of
 the run, `successes` and `failures` are this generation's genotypes that succeeded in all trials or could not be
-tried, `champion_*` the validation trials of the champion so far."""
-
+tried, `champion_*` the validation trials of the champion so far. In a search for bodies a row is an iteration:
+`population_size` counts the bodies that learned, `best` is the best fitness so far of one that has learned to the end,
+`median` that of this iteration's bodies, and `sigma` is 0."""
 TIMES = ("wall_seconds",)  # Columns that differ between equal runs
+_NUMBERS = ("generation", "kind", "index")
+_MEASURES = {"progress": float, "effort": float, "seconds": float, "diverged": int, "error": str}
+_Packed: TypeAlias = list[list[dict[str, tuple[tuple[int, ...], bytes]]]]
+"""Shape and content of each array that is kept of each trial of each entry."""
+
+
+class Attempt(NamedTuple):
+    """A genotype that is to be tried."""
+
+    kind: int
+    index: int  # pyright: ignore[reportIncompatibleMethodOverride]  (it replaces `tuple.index`)
+    job: Job
+    body: str = ""  # text of the genome of the body, in a search for bodies
 
 
 class Entry(NamedTuple):
-    """One evaluation of a genotype.
+    """One evaluation of a genotype."""
 
-    Attributes:
-        generation: generation in which it was tried.
-        kind: SAMPLE or VALIDATION.
-        index: index of the genotype in its generation; one more than the last stands for the mean of the search
-            distribution.
-        genotype: genes of the controller.
-        fitness: higher is better.
-        outcome: outcome of its trials.
-    """
-
-    generation: int
+    generation: int  # generation in which it was tried
     kind: int
+    # index of the genotype in its generation, one more than the last stands for the mean of the search distribution;
+    # for bodies the generation of the body's own learning, or the level of an exam
     index: int  # pyright: ignore[reportIncompatibleMethodOverride]  (it replaces `tuple.index`)
     genotype: Float[np.ndarray, " G"]
-    fitness: float
+    fitness: float  # higher is better
     outcome: Outcome
+    body: str = ""  # as in `Attempt`
+
+
+Try: TypeAlias = Callable[[Sequence[Attempt]], list[Entry]]
+"""Tries genotypes, all of one kind, or takes their outcomes from a record."""
 
 
 class Record:
-    """The entries and the history of a run, in order."""
+    """The entries and the history of a run, in order; entries after the last row are those of a confirmation."""
 
-    def __init__(self) -> None:
-        self.entries: list[Entry] = []
-        self._rows: list[np.void] = []
+    def __init__(self, entries: Sequence[Entry] = (), history: Sequence[np.void] | np.ndarray = ()) -> None:
+        self.entries = list(entries)
+        self._rows = list(history)
 
     @property
     def history(self) -> Shaped[np.ndarray, " generations"]:
@@ -136,59 +95,59 @@ class Record:
         """Number of generations that are complete."""
         return len(self._rows)
 
-    def add_generation(self, entries: list[Entry], row: dict[str, float]) -> None:
-        """Append a complete generation."""
-        self.entries.extend(entries)
+    def add_generation(self, entries: Sequence[Entry], row: Mapping[str, float]) -> None:
+        """Append a complete generation; a confirmation was that of a shorter run."""
+        self.entries[len(self.entries) - len(self.confirmation) :] = entries
         self._rows.append(np.array([tuple(row[name] for name in HISTORY.names or ())], dtype=HISTORY)[0])
 
-    def set_wall_seconds(self, seconds: float) -> None:
-        """Set the time of the last generation, when it is replayed."""
-        self._rows[-1]["wall_seconds"] = seconds
-
-    def set_champion(self, successes: int, trials: int) -> None:
-        """Set the validation trials of the champion after the last generation."""
-        self._rows[-1]["champion_successes"], self._rows[-1]["champion_trials"] = successes, trials
+    def set_in_last_row(self, **values: float) -> None:
+        """Set what is known of the last generation only when it is complete, or replayed."""
+        for name, value in values.items():
+            self._rows[-1][name] = value
 
     def generations(self) -> Iterator[tuple[list[Entry], np.void]]:
         """Yield the entries and the row of each generation."""
-        entries = iter(self.entries)
-        following = next(entries, None)
+        place = 0
         for row in self._rows:
-            own: list[Entry] = []
-            while following is not None and following.generation == row["generation"]:
-                own.append(following)
-                following = next(entries, None)
+            own = self.find_from(place, int(row["generation"]))
+            place += len(own)
             yield own, row
 
+    def find_from(self, place: int, generation: int) -> list[Entry]:
+        """Return the entries of a generation that follow each other from a place on."""
+        end = place
+        while end < len(self.entries) and self.entries[end].generation == generation:
+            end += 1
+        return self.entries[place:end]
+
+    @property
+    def confirmation(self) -> list[Entry]:
+        """Entries of the confirmation after the last generation."""
+        return [entry for entry in self.entries if entry.generation == self.num_generations]
+
     def columns(self) -> dict[str, Shaped[np.ndarray, " entries *_"]]:
-        """Return the entries as arrays, one per column, with one row per entry."""
-        outcomes = [entry.outcome for entry in self.entries]
+        """Return the entries as arrays, one per column, with one row per entry; short genotypes end with NaN."""
+        entries, outcomes = self.entries, [entry.outcome for entry in self.entries]
+        genotypes = np.full((len(entries), max((len(each.genotype) for each in entries), default=0)), np.nan)
+        for row, entry in zip(genotypes, entries, strict=True):
+            row[: len(entry.genotype)] = entry.genotype
         flags = ["".join("01"[succeeded] for succeeded in outcome.succeeded) for outcome in outcomes]
-        return {
-            "generation": np.array([entry.generation for entry in self.entries], dtype="<i4"),
-            "kind": np.array([entry.kind for entry in self.entries], dtype="<i4"),
-            "index": np.array([entry.index for entry in self.entries], dtype="<i4"),
-            "genotype": np.array([entry.genotype for entry in self.entries], dtype="<f8"),
-            "fitness": np.array([entry.fitness for entry in self.entries], dtype="<f8"),
-            "progress": np.array([outcome.progress for outcome in outcomes], dtype="<f8"),
-            "effort": np.array([outcome.effort for outcome in outcomes], dtype="<f8"),
-            "seconds": np.array([outcome.seconds for outcome in outcomes], dtype="<f8"),
-            "diverged": np.array([outcome.diverged for outcome in outcomes], dtype="<i4"),
-            "succeeded": np.array(flags, dtype=np.str_),
-            "error": np.array([outcome.error for outcome in outcomes], dtype=np.str_),
+        columns = {name: np.array([getattr(each, name) for each in entries], "<i4") for name in _NUMBERS}
+        columns |= {"genotype": genotypes, "fitness": np.array([each.fitness for each in entries], "<f8")}
+        columns |= {
+            name: np.array([getattr(each, name) for each in outcomes], kind)
+            for name, kind in _MEASURES.items()
         }
+        bodies = np.array([each.body for each in entries], np.str_)
+        return columns | {"succeeded": np.array(flags, np.str_), "body": bodies}
 
     def to_bytes(self, digest: str) -> bytes:
         """Return the content of the file."""
         buffer = io.BytesIO()
         arrays = {f"entry_{name}": column for name, column in self.columns().items()}
-        np.savez(
-            buffer,
-            format=np.array(FORMAT),
-            digest=np.array(digest),
-            history=self.history,
-            **arrays | pack([entry.outcome.descriptors for entry in self.entries]),  # pyright: ignore[reportArgumentType]
-        )
+        arrays |= {"format": np.array(FORMAT), "digest": np.array(digest), "history": self.history}
+        arrays["descriptors"] = _pack([entry.outcome.descriptors for entry in self.entries])
+        np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
         return buffer.getvalue()
 
     @classmethod
@@ -202,13 +161,7 @@ class Record:
                     f"{source} has format {found!r}, not {FORMAT!r}: continue with the release "
                     "that began it, or start again in another folder"
                 )
-            columns = {
-                name.removeprefix("entry_"): column
-                for name, column in arrays.items()
-                if name.startswith("entry_")
-            }
-            descriptors = unpack(arrays, len(columns["kind"]))
-            return cls._from_arrays(arrays["history"], columns, descriptors), str(arrays["digest"])
+            return cls._from_arrays(arrays), str(arrays["digest"])
         except RunError:
             raise
         except Exception as error:  # a damaged or foreign file can be wrong in any way
@@ -218,34 +171,53 @@ class Record:
             ) from error
 
     @classmethod
-    def _from_arrays(
-        cls,
-        history: np.ndarray,
-        columns: dict[str, np.ndarray],
-        descriptors: list[tuple[Records, ...]],
-    ) -> "Record":
+    def _from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "Record":
+        history = arrays["history"]
+        names = [name for name in arrays if name.startswith("entry_")]
+        columns = {name.removeprefix("entry_"): arrays[name] for name in names}
         if history.dtype != HISTORY:
             raise ValueError(f"history has columns {history.dtype.names}")
-        record = cls()
-        record._rows = list(history)
         if not np.array_equal(history["generation"], np.arange(len(history))):
             raise ValueError("generations are missing")
         if len({len(column) for column in columns.values()}) != 1 or columns["genotype"].dtype != "<f8":
             raise ValueError("columns differ in length")
-        for row in range(len(columns["kind"])):
-            value = {name: column[row] for name, column in columns.items()}
-            outcome = Outcome(
-                progress=float(value["progress"]),
-                effort=float(value["effort"]),
-                succeeded=tuple(flag == "1" for flag in str(value["succeeded"])),
-                seconds=float(value["seconds"]),
-                diverged=int(value["diverged"]),
-                error=str(value["error"]),
-                descriptors=descriptors[row],
-            )
-            numbers = {name: int(value[name]) for name in ("generation", "kind", "index")}
-            fitness = float(value["fitness"])
+        record = cls(history=history)
+        for row, kept in zip(range(len(columns["kind"])), _unpack(arrays["descriptors"]), strict=True):
+            value = {name: column[row].item() for name, column in columns.items() if name != "genotype"}
+            succeeded = tuple(flag == "1" for flag in str(value["succeeded"]))
+            measures = {name: kind(value[name]) for name, kind in _MEASURES.items()}
+            genotype = columns["genotype"][row]
             record.entries.append(
-                Entry(**numbers, genotype=value["genotype"], fitness=fitness, outcome=outcome)
+                Entry(
+                    **{name: int(value[name]) for name in _NUMBERS},
+                    genotype=genotype[~np.isnan(genotype)],
+                    fitness=float(value["fitness"]),
+                    outcome=Outcome(**measures, succeeded=succeeded, descriptors=kept),
+                    body=str(value["body"]),
+                )
             )
         return record
+
+
+def _pack(records: Sequence[Sequence[Mapping[str, np.ndarray]]]) -> np.ndarray:
+    """Return bytes of the descriptors of all entries and trials."""
+    content = [
+        [
+            {name: (each.shape, each.astype("<f8").tobytes()) for name, each in trial.items()}
+            for trial in trials
+        ]
+        for trials in records
+    ]
+    return np.frombuffer(msgspec.msgpack.encode(content), np.uint8)
+
+
+def _unpack(packed: np.ndarray) -> list[tuple[dict[str, np.ndarray], ...]]:
+    """Return the descriptors that `_pack` packed."""
+    content = msgspec.msgpack.decode(packed.tobytes(), type=_Packed)
+    return [
+        tuple(
+            {name: np.frombuffer(data, "<f8").reshape(shape) for name, (shape, data) in trial.items()}
+            for trial in trials
+        )
+        for trials in content
+    ]

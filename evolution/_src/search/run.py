@@ -1,12 +1,13 @@
 """The run folder: its files, who may write it, and how it survives crashes.
 
-    config.json     the configuration; versions, commit and machine the run began with
+    config.json     the configuration; versions and machine the run began with
     record.npz      every genotype tried and its outcome: the checkpoint
     history.csv     one row per generation
     champion.json   the best validated genotype
+    bodies.csv      of a search for bodies: one row for each level that a body has learned
 
 An empty `record.npz` is written before `config.json`, so a run without one has lost it. It is replaced
-atomically after each generation; the two other files are derived from it. Reading a folder runs no code from it.
+atomically after each generation; the files below are derived from it. Reading a folder runs no code from it.
 """
 
 import csv
@@ -14,90 +15,44 @@ import io
 import json
 import os
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import filelock
-import numpy as np
-from jaxtyping import Shaped
 
-from evolution._src.backends.settings import BodyConfig, EpisodeConfig, take_fields
 from evolution._src.errors import RunError
-from evolution._src.search.config import EvolutionConfig
-from evolution._src.search.record import HISTORY, VALIDATION, Record
-from evolution._src.search.validation import Champion, select_champion
+from evolution._src.search.bodies.algorithms import LevelResult
+from evolution._src.search.bodies.config import BodyEvolutionConfig
+from evolution._src.search.bodies.run import BodyRun
+from evolution._src.search.cmaes import Run
+from evolution._src.search.config import EvolutionConfig, RunConfig
+from evolution._src.search.record import HISTORY, Record
+from evolution._src.search.validation import Champion
 from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
 
-
-def find_champion(config: EvolutionConfig, record: Record, names: Sequence[str]) -> Champion | None:
-    """Return the champion; None before the first generation."""
-    entry = select_champion(record)
-    if entry is None:
-        return None
-    is_validated = entry.kind == VALIDATION
-    return Champion(
-        genotype=tuple(entry.genotype.tolist()),
-        names=tuple(names),
-        **take_fields(config, EpisodeConfig),
-        **take_fields(config, BodyConfig),
-        generation=entry.generation,
-        fitness=entry.fitness,
-        successes=entry.outcome.successes if is_validated else 0,
-        trials=entry.outcome.trials if is_validated else 0,
-    )
-
-
-def is_solved(config: EvolutionConfig, champion: Champion | None) -> bool:
-    """Return whether a champion solves a run."""
-    return champion is not None and config.validation.is_solved(champion.successes, champion.trials)
-
-
-CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
+CONFIG, RECORD, HISTORY_FILE, CHAMPION, TABLE = FILES = (
+    "config.json",
+    "record.npz",
+    "history.csv",
+    "champion.json",
+    "bodies.csv",
+)
 LOCK = ".lock"
-BODIES = "bodies"
-"""The kind of a folder of a search for bodies, which `evolution._src.search.bodies.run` reads."""
-IN_DISTRIBUTION = (
+_BODIES = "bodies"  # The kind of a search for bodies in `config.json`
+_TABLE_COLUMNS = ("body", "plan", "modules", "level", "fitness", "successes", "trials", "effort", "seconds")
+_IN_DISTRIBUTION = (
     "equal in distribution only: samples were tried on a GPU in single precision (backend 'warp')"
 )
 """What `config.json` says of a run of which no other process repeats the same bits."""
-PACKAGES = ("symbrion-gym", "numpy", "cma", "mujoco", "gymnasium", "coacd")
-
-
-@dataclass(frozen=True)
-class Run:
-    """The state of a run.
-
-    Attributes:
-        config: configuration of the run.
-        record: every genotype and its outcome.
-        champion: its best validated genotype; None before the first generation.
-        is_solved: whether a champion was confirmed.
-        folder: folder of the run; None if it is in memory only.
-    """
-
-    config: EvolutionConfig
-    record: Record
-    champion: Champion | None
-    is_solved: bool
-    folder: Path | None = None
-
-    @property
-    def history(self) -> Shaped[np.ndarray, " generations"]:
-        """Structured array, one row per generation; `history["best"]` and so on, see `record.HISTORY`."""
-        return self.record.history
+_PACKAGES = ("symbrion-gym", "numpy", "cma", "mujoco", "gymnasium", "coacd")
 
 
 class RunFolder:
-    """Reader and writer of the folder of a run.
-
-    Args:
-        path: path of the folder.
-    """
+    """Reader and writer of the folder of a run."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
@@ -116,7 +71,9 @@ class RunFolder:
         except OSError as error:
             raise RunError(f"{self.path} cannot be written ({error}); name another folder") from error
         try:
-            self._refuse_links()
+            for name in FILES:  # a folder of unknown origin may contain links to anything
+                if (self.path / name).is_symlink():
+                    raise RunError(f"{self.path / name} is a link; put the file itself there")
             self._remove_leftovers()
             yield
         finally:
@@ -126,14 +83,24 @@ class RunFolder:
         """Return whether a run has begun here."""
         return (self.path / CONFIG).exists() or (self.path / RECORD).exists()
 
-    def begin(self, config: EvolutionConfig) -> None:
+    def has_bodies(self) -> bool:
+        """Return whether the run that has begun here is a search for bodies."""
+        try:
+            return self._read_json(CONFIG).get("kind") == _BODIES
+        except RunError:
+            return False
+
+    def begin(self, config: RunConfig) -> None:
         """Write an empty record, then `config.json`."""
         if (self.path / CONFIG).exists():
             differences = self.read_config().differences(config)
             what = f"another run ({'; '.join(differences)})" if differences else "this run already"
             raise RunError(f"{self.path} contains {what}; resume it, or name another folder")
-        taken = [name for name in (RECORD, HISTORY_FILE, CHAMPION) if os.path.lexists(self.path / name)]
-        if taken and not (taken == [RECORD] and self._is_empty_record()):
+        taken = [name for name in FILES if os.path.lexists(self.path / name)]
+        if taken == [RECORD]:  # of a run that was killed before it had a `config.json`?
+            record, _ = Record.from_bytes((self.path / RECORD).read_bytes(), str(self.path / RECORD))
+            taken = taken if record.num_generations else []
+        if taken:
             raise RunError(
                 f"{self.path} contains {', '.join(taken)} but no {CONFIG}; restore that from a copy, "
                 "or name another folder"
@@ -141,43 +108,45 @@ class RunFolder:
         self._replace(RECORD, Record().to_bytes(config.digest()))
         self.write_config(config)
 
-    def write_config(self, config: EvolutionConfig) -> None:
+    def write_config(self, config: RunConfig) -> None:
         """Write `config.json`; the versions are those that the run began with."""
-        began = self._read_json(CONFIG) if (self.path / CONFIG).exists() else describe_origin()
-        # what is said of backend "warp" stays when the run goes on elsewhere
-        more = {"resumes": IN_DISTRIBUTION} if config.backend == "warp" else {}
-        self._replace(CONFIG, _to_json(began | more | {"config": config.to_json()}))
+        content = self._read_json(CONFIG) if (self.path / CONFIG).exists() else describe_origin()
+        if isinstance(config, BodyEvolutionConfig):
+            content["kind"] = _BODIES
+        if config.backend == "warp":  # this stays when the run goes on elsewhere
+            content["resumes"] = _IN_DISTRIBUTION
+        self._replace(CONFIG, _to_json(content | {"config": config.to_json()}))
 
     def remove(self) -> None:
         """Remove the files of a run, and nothing else. Call it only with the lock."""
-        for name in (CHAMPION, HISTORY_FILE, RECORD, CONFIG):
+        for name in reversed(FILES):
             (self.path / name).unlink(missing_ok=True)
         self._remove_leftovers()
 
-    def read_config(self) -> EvolutionConfig:
+    def read_config(self) -> EvolutionConfig | BodyEvolutionConfig:
         """Read `config.json`."""
         if not (self.path / CONFIG).exists():
             raise RunError(f"{self.path} contains no run: {CONFIG} is missing")
         content = self._read_json(CONFIG)
-        if content.get("kind") == BODIES:
-            raise RunError(
-                f"{self.path} contains a search for bodies; read it by ev.load_bodies, continue it by ev.resume_bodies"
-            )
+        kind = BodyEvolutionConfig if content.get("kind") == _BODIES else EvolutionConfig
         try:
-            return EvolutionConfig.from_json(content.get("config"))
+            return kind.from_json(content.get("config"))
         except RunError as error:
             raise RunError(
                 f"{self.path / CONFIG}: {error}; undo the change, or restore it from a copy"
             ) from error
 
-    def write(self, run: Run) -> None:
+    def write(self, run: Run | BodyRun) -> None:
         """Write the record, then the files derived from it."""
         self._replace(RECORD, run.record.to_bytes(run.config.digest()))
-        self._replace(HISTORY_FILE, format_history(run.history).encode())
+        rows = ([value.item() for value in row] for row in run.history)
+        self._replace(HISTORY_FILE, format_table(HISTORY.names or (), rows))
         if run.champion is not None:
             self._replace(CHAMPION, _to_json(run.champion.as_dict()))
+        if isinstance(run, BodyRun):
+            self._replace(TABLE, format_table(_TABLE_COLUMNS, map(_describe, run.results)))
 
-    def read_record(self, config: EvolutionConfig) -> Record:
+    def read_record(self, config: RunConfig) -> Record:
         """Read `record.npz`."""
         path = self.path / RECORD
         if path.exists() and not path.is_file():
@@ -198,27 +167,9 @@ class RunFolder:
             )
         return record
 
-    def read_run(self, config: EvolutionConfig) -> Run:
-        """Return the run as its record says, without replaying it: no controller is needed, nor imported."""
-        record = self.read_record(config)
-        names = load_champion(self.path).names if record.num_generations else ()
-        champion = find_champion(config, record, names)
-        return Run(config, record, champion, is_solved(config, champion), self.path)
-
-    def _refuse_links(self) -> None:
-        """Refuse to write through links: a folder of unknown origin may contain links to anything."""
-        for name in (CONFIG, RECORD, HISTORY_FILE, CHAMPION):
-            if (self.path / name).is_symlink():
-                raise RunError(f"{self.path / name} is a link; put the file itself there")
-
-    def _is_empty_record(self) -> bool:
-        """Return whether the record is that of a run which was killed before it had a `config.json`."""
-        record, _ = Record.from_bytes((self.path / RECORD).read_bytes(), str(self.path / RECORD))
-        return record.num_generations == 0
-
     def _remove_leftovers(self) -> None:
         for path, name in find_leftovers(self.path).items():
-            if name in (CONFIG, RECORD, HISTORY_FILE, CHAMPION):
+            if name in FILES:
                 path.unlink(missing_ok=True)
 
     def _read_json(self, name: str) -> dict[str, Any]:
@@ -255,13 +206,20 @@ def load_champion(path: str | Path) -> Champion:
         raise RunError(f"{path}: {error}; a run writes it after each generation") from error
 
 
-def format_history(history: Shaped[np.ndarray, " generations"]) -> str:
-    """Return `history.csv`: numbers in their shortest exact form."""
+def format_table(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> bytes:
+    """Return a CSV file: numbers in their shortest exact form."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(HISTORY.names or ())
-    writer.writerows([value.item() for value in row] for row in history)
-    return buffer.getvalue()
+    writer.writerow(names)
+    writer.writerows(rows)
+    return buffer.getvalue().encode()
+
+
+def _describe(result: LevelResult) -> list[Any]:
+    """Return the columns of `_TABLE_COLUMNS`."""
+    body = result.body
+    measures = (getattr(result, name) for name in _TABLE_COLUMNS[3:])
+    return [body.text, body.to_plan(), body.num_modules, *measures]
 
 
 def _to_json(content: dict[str, Any]) -> bytes:
@@ -271,12 +229,9 @@ def _to_json(content: dict[str, Any]) -> bytes:
 def describe_origin() -> dict[str, Any]:
     """Return versions and machine that a run begins with."""
     versions = {"python": platform.python_version()}
-    for name in PACKAGES:
+    for name in _PACKAGES:
         try:
             versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return {
-        "versions": versions,
-        "machine": platform.platform(),
-    }
+    return {"versions": versions, "machine": platform.platform()}

@@ -10,14 +10,14 @@ References:
     optimum, not the best genotype drawn.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import BodyConfig, EpisodeConfig
 from evolution._src.controllers.finding import refer_to_controller
 from evolution._src.errors import RunError
@@ -28,8 +28,7 @@ from evolution._src.references import (
     MAX_TRIALS,
     MIN_POSITIVE,
 )
-from evolution._src.search.record import SAMPLE, VALIDATION, Entry, Record
-from evolution._src.search.stored_config import read_content, to_json
+from evolution._src.search.record import SAMPLE, VALIDATION, Attempt, Entry, Try
 from reconstruction._src.base.range_checks import (
     as_floats,
     as_integers,
@@ -87,6 +86,24 @@ class Validation:
         )
         check_choice("start", self.start, STARTS, RunError)
 
+    def try_again(
+        self, candidates: Sequence[int], attempt: Callable[[int, int], Attempt], tries: Try
+    ) -> list[Entry]:
+        """Try candidates round by round, while enough of all their trials succeed; `attempt` makes each of these."""
+        tried: list[Entry] = []
+        remaining = list(candidates)
+        for block in range(len(self.rounds)):
+            if not remaining:
+                break
+            tried += tries([attempt(index, block) for index in remaining])
+            pooled = {entry.index: entry.outcome for entry in pool_trials(tried)}
+            remaining = [
+                index
+                for index in remaining
+                if pooled[index].successes >= self.continue_share * pooled[index].trials
+            ]
+        return tried
+
     def select_candidates(self, fitness: Float[np.ndarray, " P"], outcomes: Sequence[Outcome]) -> list[int]:
         """Return the indices of the candidates of a generation; `len(outcomes)` stands for the mean."""
         order = sorted(range(len(outcomes)), key=lambda index: (-fitness[index], index))
@@ -134,18 +151,13 @@ class Champion(EpisodeConfig, BodyConfig):
         coerce_integers(self, counts, RunError)
         coerce_floats(self, {"fitness": (-MAX_MAGNITUDE, MAX_MAGNITUDE)}, RunError)
 
-    @property
-    def score(self) -> float:
-        """Expected success rate after the validation trials (rule of succession); 0 without any."""
-        return expect_success(self.successes, self.trials) if self.trials else 0.0
-
     def as_dict(self) -> dict[str, Any]:
         """Return the content of `champion.json`.
 
         Raises:
             RunError: controller or task cannot be restored.
         """
-        return to_json(self)
+        return self.to_json()
 
     @classmethod
     def from_dict(cls, content: object) -> "Champion":
@@ -154,34 +166,23 @@ class Champion(EpisodeConfig, BodyConfig):
         Raises:
             RunError: a field is missing, unknown or of the wrong kind.
         """
-        found = read_content(content, cls, "")
-        missing = [name for name in _NEEDED if name not in found]
+        missing = [name for name in _NEEDED if isinstance(content, dict) and name not in content]
         if missing:
             raise RunError(f"it lacks the field {missing[0]!r}")
-        return cls(**found)
+        return cls.from_json(content, "")
 
 
-def expect_success(successes: int, trials: int) -> float:
+def expect_success(outcome: Outcome) -> float:
     """Return the expected success rate after some trials (Laplace's rule of succession)."""
-    return (successes + 1) / (trials + 2)
+    return (outcome.successes + 1) / (outcome.trials + 2)
 
 
-def select_champion(record: Record) -> Entry | None:
-    """Return the entry of the champion, None before the first generation."""
-    candidates = find_candidates(record.entries)
-    if candidates:
-        return max(candidates, key=_rank)
-    samples = [entry for entry in record.entries if entry.kind == SAMPLE]
-    return max(samples, key=lambda entry: entry.fitness, default=None)
-
-
-def find_candidates(entries: Iterable[Entry]) -> list[Entry]:
-    """Return one entry for each candidate, with all its validation trials."""
+def pool_trials(entries: Iterable[Entry]) -> list[Entry]:
+    """Return one entry for each candidate, with all its trials."""
     pooled: dict[tuple[int, int], Entry] = {}
     for entry in entries:
-        if entry.kind == VALIDATION:
-            key = (entry.generation, entry.index)
-            pooled[key] = _pool(pooled[key], entry) if key in pooled else entry
+        key = (entry.generation, entry.index)
+        pooled[key] = _pool(pooled[key], entry) if key in pooled else entry
     return list(pooled.values())
 
 
@@ -199,5 +200,11 @@ def _pool(first: Entry, second: Entry) -> Entry:
     return first._replace(outcome=outcome)
 
 
-def _rank(entry: Entry) -> tuple[float, int]:
-    return expect_success(entry.outcome.successes, entry.outcome.trials), entry.generation
+def select_champion(entries: Iterable[Entry]) -> Entry | None:
+    """Return the entry of the champion, the later of equal ones; None before the first generation."""
+    entries = list(entries)
+    candidates = pool_trials(entry for entry in entries if entry.kind == VALIDATION)
+    if candidates:
+        return max(candidates, key=lambda entry: (expect_success(entry.outcome), entry.generation))
+    samples = (entry for entry in entries if entry.kind == SAMPLE)
+    return max(samples, key=lambda entry: entry.fitness, default=None)

@@ -10,18 +10,19 @@ import numpy as np
 from jaxtyping import Float
 
 from evolution._src.backends.cluster import Backend, make_backend
+from evolution._src.backends.pool import Simulate
 from evolution._src.backends.settings import Randomization, read_organism
-from evolution._src.backends.simulation import Simulate
 from evolution._src.backends.trials import Job, find_trial_controller
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
-from evolution._src.search.bodies.algorithms import make_algorithm
-from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig
-from evolution._src.search.bodies.learner import Learner
-from evolution._src.search.bodies.learning import LearningConfig, LevelResult
-from evolution._src.search.bodies.record import BodyRecord
-from evolution._src.search.bodies.variation import BodyLimits, make_random_body
-from evolution._src.search.cmaes import Space, Strategy
+from evolution._src.search.bodies.algorithms import LevelResult, make_algorithm
+from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig, LearningConfig
+from evolution._src.search.bodies.genome import make_random_body
+from evolution._src.search.bodies.learning import Learner
+from evolution._src.search.cmaes import Strategy
+from evolution._src.search.evaluation import try_attempts
+from evolution._src.search.record import Attempt
+from evolution._src.search.record import Entry as Tried
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.submission import SCORING, Entry, Submission, compute_score, fill_submission
 from evolution._src.suite.tasks import BUDGET, EXAM_SEED, LARGEST, SUITE, SuiteTask, find_suite_task
@@ -89,7 +90,7 @@ class Practice:
         """Return the body of the task; a random one where it is free."""
         if self.task.body is not None:
             return read_organism(self.task.body)
-        return make_random_body(rng, BodyLimits(1, LARGEST)).to_organism()
+        return make_random_body(rng, (1, LARGEST)).to_organism()
 
 
 def _run_zero(practice: Practice, rng: np.random.Generator) -> None:
@@ -118,8 +119,7 @@ def _run_cmaes(practice: Practice, rng: np.random.Generator) -> None:
         body = practice.draw_body(rng)
         law = practice.make_controller(body)
         genes = len(law.parameters)
-        space = Space(law.parameters, law.lower, law.upper, (0.0,) * genes, (1.0,) * genes)
-        strategy = Strategy(space, SIGMA, POPULATION, int(rng.integers(2**31)))
+        strategy = Strategy(law, (0.0,) * genes, SIGMA, POPULATION, int(rng.integers(2**31)))
         practice.try_all(body, np.zeros((1, genes)))
         while practice.has_time((number + 1) / count):
             genotypes = strategy.ask()
@@ -140,19 +140,19 @@ def _run_surrogate(practice: Practice, rng: np.random.Generator) -> None:
         learning=LEARNING,
         **practice.task.make_options(),
     )
-    record = BodyRecord()
-    search, learner = make_algorithm(config), Learner(config, record, practice.backend)
-    paid: set[tuple[str, int]] = set()
+
+    def tries(attempts: Sequence[Attempt]) -> list[Tried]:
+        tried = try_attempts(attempts, practice.backend, SCORING, 0)
+        practice.seconds += sum(each.outcome.seconds for each in tried)
+        return tried
+
+    search, learner = make_algorithm(config), Learner(config)
     while practice.has_time():
         results: list[LevelResult] = []
         for assignment in search.ask():
             if not practice.has_time():
                 return
-            results += learner.learn([assignment])
-            for level in record.find_until(results[-1]):
-                if (level.body.canonical_text, level.level) not in paid:
-                    paid.add((level.body.canonical_text, level.level))
-                    practice.seconds += level.seconds
+            results += learner.learn([assignment], tries)
             last = results[-1]
             practice.offer(last.body.to_organism(), np.array([last.genotype]), np.array([last.fitness]))
         search.tell(results)

@@ -1,4 +1,4 @@
-"""A Ray cluster of two nodes, one of which is killed while it works."""
+"""A Ray cluster of two nodes, one of which is killed while it works; tiles over a cluster."""
 
 import os
 import sys
@@ -6,29 +6,39 @@ import threading
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import toys
+from histories import read_without_times
 
+from evolution._src.backends.cluster import make_backend, run_in_cluster
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
-from evolution._src.search.evaluation import make_backend
 from evolution._src.search.loop import evolve
+from reconstruction._src.tiles.tiling import reconstruct_tile
+from reconstruction._src.tiles.workers import run_here
 
 try:
     import ray
     from ray.cluster_utils import Cluster
 except ImportError:
     ray = None
+needs_ray = pytest.mark.skipif(
+    ray is None, reason="Ray is not installed: pip install 'symbrion-gym[cluster]'"
+)
 
 
-@pytest.mark.skipif(ray is not None, reason="Ray is installed")
-def test_without_ray_the_remedy_is_named():
-    with pytest.raises(RunError, match=r"symbrion-gym\[cluster\]"):
-        make_backend("ray", 2, simulate=toys.bowl)
+@pytest.mark.parametrize(
+    "use", [lambda: make_backend("ray", 2, simulate=toys.bowl), lambda: run_in_cluster(2)]
+)
+def test_without_ray_the_remedy_is_named(use, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(RunError, match=r"pip install 'symbrion-gym\[cluster\]'"):
+        use()
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(ray is None, reason="Ray is not installed: pip install 'symbrion-gym[cluster]'")
+@needs_ray
 def test_a_node_killed_in_mid_generation_loses_nothing():
     assert ray is not None
     os.environ["PYTHONPATH"] = os.pathsep.join(sys.path)
@@ -53,32 +63,39 @@ def test_a_node_killed_in_mid_generation_loses_nothing():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(ray is None, reason="Ray is not installed: pip install 'symbrion-gym[cluster]'")
-def test_a_local_cluster_gives_what_the_batch_gives():
-    jobs = toys.make_jobs()
-    backend = make_backend("ray", 2, simulate=toys.bowl)
-    try:
-        assert backend.run(jobs) == toys.bowl(jobs, 1)
-    finally:
-        backend.close()
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(ray is None, reason="Ray is not installed: pip install 'symbrion-gym[cluster]'")
+@needs_ray
 def test_batch_processes_and_ray_write_the_same_history(tmp_path):
     config = EvolutionConfig(arena="truth", generations=4, stop_when_solved=False, workers=2)
     histories = []
     for backend in ("batch", "processes", "ray"):
-        folder = tmp_path / backend
-        evolve(replace(config, backend=backend, folder=str(folder)), simulate=toys.bowl)
-        header, *rows = [line.split(",") for line in (folder / "history.csv").read_text().splitlines()]
-        seconds = header.index("wall_seconds")
-        histories.append([row[:seconds] + row[seconds + 1 :] for row in rows])
+        evolve(replace(config, backend=backend, folder=str(tmp_path / backend)), simulate=toys.bowl)
+        histories.append(read_without_times(tmp_path / backend))
     assert histories[0] == histories[1] == histories[2]
 
 
+@needs_ray
 def test_no_cluster_at_an_address_is_a_run_error():
-    if ray is None:
-        pytest.skip("Ray is not installed: pip install 'symbrion-gym[cluster]'")
     with pytest.raises(RunError, match="no Ray cluster"):
         make_backend("ray", 1, address="127.0.0.1:1", simulate=toys.bowl)
+
+
+@pytest.mark.slow
+@needs_ray
+def test_tiles_on_a_cluster_are_those_of_this_process(tmp_path):
+    points = np.random.default_rng(0).uniform(0, 4, (2000, 3)) * [1, 1, 0.01]
+    (tmp_path / "points.f4").write_bytes(points.astype(np.float32).tobytes())
+    common = {
+        "method": "gsrm",
+        "is_raw": True,
+        "config": {"tile": 4.0},
+        "points": str(tmp_path / "points.f4"),
+    }
+
+    def make_jobs(name: str) -> list[dict]:
+        places = ((number, str(tmp_path / f"{name}_{number}.npz")) for number in range(3))
+        return [common | {"place": [number, 0], "seed": number, "out": out} for number, out in places]
+
+    there = list(run_in_cluster(2)(reconstruct_tile, make_jobs("a")))
+    assert there == list(run_here(reconstruct_tile, make_jobs("b")))
+    for number in range(3):
+        assert (tmp_path / f"a_{number}.npz").read_bytes() == (tmp_path / f"b_{number}.npz").read_bytes()

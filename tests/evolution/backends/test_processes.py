@@ -7,29 +7,28 @@ import numpy as np
 import pytest
 import toys
 
-from evolution._src.backends import pool as pools
 from evolution._src.backends.processes import ProcessBackend
 from evolution._src.errors import RunError
-from evolution._src.search.evaluation import make_backend
 
 
 @pytest.fixture
 def make_pool():
-    pools = []
+    made = []
 
     def make(simulate, workers=2):
-        pools.append(ProcessBackend(simulate, workers))
-        return pools[-1]
+        made.append(ProcessBackend(simulate, workers))
+        return made[-1]
 
     yield make
-    for pool in pools:
+    for pool in made:
         pool.close()
 
 
-def test_processes_give_what_the_batch_gives(make_pool):
+def test_processes_give_what_the_batch_gives_and_genotypes_travel_exactly(make_pool):
     jobs = toys.make_jobs()
+    jobs[0] = jobs[0]._replace(genotype=np.nextafter(jobs[0].genotype, 1.0))
     pool = make_pool(toys.bowl, 3)
-    expected = make_backend("batch", 1, simulate=toys.bowl).run(jobs)
+    expected = toys.bowl(jobs, 1)
     assert pool.run(jobs) == expected
     assert pool.run(jobs[:1]) == expected[:1]
     assert pool.run([]) == []
@@ -61,23 +60,13 @@ def test_a_genotype_that_kills_its_workers_is_recorded(make_pool):
     assert any(outcome.error for outcome in outcomes)
 
 
-def test_a_wrong_run_comes_through_from_a_worker(make_pool):
-    pool = make_pool(toys.wrong_run)
+def test_what_is_wrong_with_the_run_comes_through_from_a_worker(make_pool, monkeypatch):
     with pytest.raises(RunError, match="no such arena"):
-        pool.run(toys.make_jobs())
-
-
-def test_a_worker_that_cannot_start_is_an_error_not_a_failed_genotype(make_pool, monkeypatch):
+        make_pool(toys.wrong_run).run(toys.make_jobs())
     pool = make_pool(toys.bowl)
     monkeypatch.setattr(pool, "_simulate", "no_such_module:simulate")
     with pytest.raises(RunError, match="ended at its start"):
         pool.run(toys.make_jobs())
-
-
-def test_genotypes_travel_exactly(make_pool):
-    jobs = toys.make_jobs(2)
-    jobs[0] = jobs[0]._replace(genotype=np.nextafter(jobs[0].genotype, 1.0))
-    assert make_pool(toys.bowl, 1).run(jobs) == toys.bowl(jobs, 1)
 
 
 def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
@@ -90,17 +79,3 @@ def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
     monkeypatch.undo()
     assert pool.run(jobs) == toys.bowl(jobs, 1)
     assert len(pool.process_ids) == 3
-
-
-def test_a_pool_follows_its_constants(
-    monkeypatch,
-):
-    jobs = toys.make_jobs(6)
-    monkeypatch.setattr(pools, "MAX_DEATHS", 1)
-    backend = make_backend("processes", 2, simulate=toys.deadly)
-    try:
-        outcomes = backend.run(jobs)
-    finally:
-        backend.close()
-    errors = {outcome.error for job, outcome in zip(jobs, outcomes, strict=True) if job.genotype[0] > 0.3}
-    assert errors == {"its worker died 1 times"}

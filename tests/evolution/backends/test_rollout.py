@@ -1,24 +1,28 @@
 """Jobs in the real environment: equal with any batch size, number of threads and other jobs."""
 
+import logging
 from collections import OrderedDict
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import evolution as ev
+import symbrion_gym as sg
 from evolution._src.backends import rollout
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.cluster import make_backend
 from evolution._src.backends.rollout import make_environment_options, simulate, split_job
+from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import Randomization, RolloutConfig
-from evolution._src.backends.trials import Job, Trials
+from evolution._src.backends.trials import FAILED_PROGRESS, Job, Trials, make_failure
 from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
-from evolution._src.errors import RunError
-from evolution._src.search.config import EvolutionConfig
-from evolution._src.search.evaluation import evaluate, make_backend
-from evolution._src.search.loop import evolve
+from evolution._src.errors import NoEnvironmentError, RunError
+from evolution._src.search.bodies.genome import parse_genome
+from evolution._src.search.evaluation import evaluate
 from evolution._src.search.validation import Champion
 from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.tasks.goals import FarEnd
 
 SHORT = Trials(modules=4, count=3, seed=(4,), environment=(("duration", 3.0),))
 
@@ -28,13 +32,14 @@ def make_jobs(trials: Trials = SHORT, count: int = 3) -> list[Job]:
     return [Job(genotype, trials) for genotype in genotypes]
 
 
-def test_batch_sizes_threads_and_other_jobs_change_nothing():
+def test_batch_sizes_threads_and_other_jobs_change_nothing(monkeypatch):
     jobs = make_jobs()
     expected = simulate(jobs, 1)
     assert simulate(jobs, 2) == expected
     assert [simulate([job], 1)[0] for job in jobs] == expected
-    small = RolloutConfig(batch_sizes=(2,))
-    assert simulate(jobs[::-1], 1, small)[::-1] == expected
+    monkeypatch.setattr(rollout, "_BATCH_SIZES", (2,))
+    monkeypatch.setattr(rollout, "_environments", OrderedDict())
+    assert simulate(jobs[::-1], 1)[::-1] == expected
 
 
 def test_jobs_of_several_bodies_and_starts_are_grouped():
@@ -98,38 +103,18 @@ def test_an_arena_that_is_not_there_is_an_error_not_a_bad_genotype():
         evaluate(np.zeros(8), arena="nowhere")
 
 
-def test_evolution_runs_in_the_environment(tmp_path):
-    config = EvolutionConfig(
-        arena="truth",
-        modules=4,
-        generations=2,
-        population_size=4,
-        trials=1,
-        folder=str(tmp_path / "run"),
-        environment=(("duration", 2.0),),
-    )
-    run = evolve(config)
-    assert len(run.history) == 2
-    assert run.champion is not None
-    assert run.champion.environment == (("duration", 2.0),)
-
-
 def test_environments_follow_the_config_and_the_options(monkeypatch):
     environments = OrderedDict()
     monkeypatch.setattr(rollout, "_environments", environments)
-    config = RolloutConfig(stuck_time=1.5, batch_sizes=(2,), max_environments=1)
+    monkeypatch.setattr(rollout, "MAX_ENVIRONMENTS", 1)
+    monkeypatch.setattr(rollout, "_BATCH_SIZES", (2,))
+    short = replace(SHORT, count=1, rollout=RolloutConfig(stuck_time=1.5))
     for options, stuck_time in ((), 1.5), ((("stuck_time", 0.5),), 0.5):
-        job = Job(np.zeros(8), replace(SHORT, count=1, environment=(("duration", 0.1), *options)))
-        simulate([job], 1, config)
+        simulate([Job(np.zeros(8), replace(short, environment=(("duration", 0.1), *options)))], 1)
         (environment,) = environments.values()
         assert (environment.config.stuck_time, environment.num_envs) == (stuck_time, 2)
-
-
-@pytest.mark.parametrize("arguments", [{"stuck_time": 0.0}, {"batch_sizes": ()}, {"max_environments": 0}])
-def test_rollout_configs_refuse(arguments):
-    (name,) = arguments
-    with pytest.raises(RunError, match=name):
-        RolloutConfig(**arguments)
+    with pytest.raises(RunError, match="stuck_time"):
+        RolloutConfig(stuck_time=0.0)
 
 
 @pytest.fixture
@@ -167,3 +152,70 @@ def test_a_policy_forgets_between_episodes_and_refuses_another_body(champion):
         ChampionPolicy(champion, {"hinge_angle": slice(0, 3), "pitch": slice(3, 7)})
     with pytest.raises(RunError, match="has 4 modules"):
         ChampionPolicy(champion, OrganismEnv(modules=5, sensors=SENSORS).observation_structure)
+
+
+ROW, WIDE = "b(.)", "l(l(.))r(.)"
+"""Two modules in a row; four modules across the way."""
+
+
+def make_bodies_config(arena):
+    return ev.BodyEvolutionConfig(
+        arena=str(arena),
+        task="traverse",
+        track_control="skid",
+        duration=2.0,
+        bodies=ev.BodiesConfig("exhaustive", largest=2),
+        learning=ev.LearningConfig(levels=(2,), population_size=4),
+        iterations=1,
+    )
+
+
+def test_a_search_goes_on_where_a_body_does_not_fit(monkeypatch, caplog):
+    config = make_bodies_config("stairs")
+    usual = ev.evolve_bodies(config)
+    find = FarEnd.find
+
+    def refuse_two(self, arena, organism, start):
+        if organism.num_modules == 2:
+            raise sg.ArenaError("no way is wide enough")
+        return find(self, arena, organism, start)
+
+    monkeypatch.setattr(FarEnd, "find", refuse_two)
+    monkeypatch.setattr(rollout, "_environments", OrderedDict())
+    with caplog.at_level(logging.WARNING):
+        run = ev.evolve_bodies(config)
+    known, found = (
+        {result.body.num_modules: result for result in each.results if result.level == 0}
+        for each in (usual, run)
+    )
+    assert known[2].seconds > 0.0
+    assert (found[2].successes, found[2].seconds, found[2].fitness) == (0, 0.0, FAILED_PROGRESS)
+    assert found[1].fitness == known[1].fitness
+    assert "a body of 2 modules counts as failed: the environment cannot be made: no way" in caplog.text
+
+
+def test_jobs_of_the_others_are_tried_together(monkeypatch):
+    config = make_bodies_config("gsrm")
+    trials = {text: config.make_trials(parse_genome(text), 3, ()) for text in (ROW, WIDE, ".")}
+    calls = []
+
+    def simulate(jobs, threads):
+        calls.append(len(jobs))
+        if any(job.trials == trials[WIDE] for job in jobs):
+            raise NoEnvironmentError("the environment cannot be made: too wide")
+        return [make_failure(job.trials, f"tried {job.genotype[0]:g}") for job in jobs]
+
+    monkeypatch.setattr(rollout, "simulate", simulate)
+    jobs = [
+        Job(np.array([float(number)]), trials[text])
+        for number, text in enumerate((ROW, WIDE, ".", ROW, WIDE))
+    ]
+    outcomes = rollout.simulate_bodies(jobs, 2)
+    assert [outcome.error for outcome in outcomes] == [
+        "tried 0",
+        "the environment cannot be made: too wide",
+        "tried 2",
+        "tried 3",
+        "the environment cannot be made: too wide",
+    ]
+    assert calls == [5, 2, 2, 1]

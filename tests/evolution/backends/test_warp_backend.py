@@ -9,9 +9,7 @@ import toys
 import reconstruction._src.base.extras
 from evolution._src.backends import cluster, rollout
 from evolution._src.backends.cluster import make_backend
-from evolution._src.errors import RunError
 from evolution._src.search import loop
-from evolution._src.search.bodies.config import BodyEvolutionConfig
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.evaluation import evaluate
 from evolution._src.search.loop import evolve, load_run, resume
@@ -27,7 +25,7 @@ def engines(monkeypatch):
     """Toys in place of both engines, as if the extra were installed."""
     device, exact = toys.Observed(), toys.Observed()
     monkeypatch.setattr(cluster, "require_extras", lambda *_: None)
-    monkeypatch.setattr(loop, "prepare", lambda *_: None)
+    monkeypatch.setattr(loop, "_prepare", lambda *_: None)
     monkeypatch.setattr(rollout, "simulate_on_device", device)
     monkeypatch.setattr(rollout, "simulate", exact)
     return device, exact
@@ -64,11 +62,6 @@ def test_the_record_says_what_a_resume_repeats(engines, tmp_path):
     assert "in distribution only" in content["resumes"]
     assert content["config"]["backend"] == "batch"
     assert len(load_run(tmp_path / "warp").history) == 2
-
-
-def test_bodies_are_searched_on_exact_backends_only():
-    with pytest.raises(RunError, match="backend"):
-        BodyEvolutionConfig(backend="warp")
 
 
 @pytest.mark.slow

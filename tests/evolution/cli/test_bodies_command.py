@@ -4,10 +4,10 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.cli.main import run
-from evolution._src.search.bodies.algorithms import describe_success
-from evolution._src.search.bodies.confirmation import CONFIRMATION
+from evolution._src.search.bodies.run import describe_success
+from evolution._src.search.record import CONFIRMATION
 
 SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--generations", "1"]
 SEARCH += ["--quiet"]
@@ -17,7 +17,7 @@ SEARCH += ["--quiet"]
 def made(monkeypatch):
     """Physics that is made: no robot moves; as in `made_bodies`, nothing succeeds."""
     monkeypatch.setattr("evolution._src.backends.rollout.simulate", made_bodies.simulate)
-    monkeypatch.setattr("evolution._src.search.bodies.loop.warm_up", lambda *_: None)
+    monkeypatch.setattr("evolution._src.search.loop.warm_up", lambda *_: None)
 
 
 def search(folder, *more):

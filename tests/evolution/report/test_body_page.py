@@ -8,10 +8,8 @@ import pytest
 import evolution as ev
 from evolution._src.errors import RunError
 from evolution._src.report.body_page import make_body_page
-from evolution._src.search.bodies.confirmation import CONFIRMATION
-from evolution._src.search.bodies.genome import genome_of
-from evolution._src.search.bodies.record import BodyRecord
 from evolution._src.search.bodies.run import BodyRun
+from evolution._src.search.record import CONFIRMATION, Record
 
 
 def test_each_of_the_fittest_has_a_card_with_its_plan(tmp_path):
@@ -26,7 +24,7 @@ def test_each_of_the_fittest_has_a_card_with_its_plan(tmp_path):
 
 def test_a_run_without_bodies_has_no_page():
     with pytest.raises(RunError, match="resume the run"):
-        make_body_page(BodyRun(made_bodies.make_config(), BodyRecord(), ()))
+        make_body_page(BodyRun(made_bodies.make_config(), Record(), None))
 
 
 def test_bodies_of_an_unfinished_level_are_shown(tmp_path):
@@ -47,7 +45,7 @@ def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
         outcomes = []
         for job, outcome in zip(jobs, made_bodies.simulate(jobs, threads), strict=True):
             is_fresh = job.trials.seed[1] == CONFIRMATION
-            modules = genome_of(job.trials.find_organism()).num_modules
+            modules = job.trials.find_organism().num_modules
             outcomes.append(replace(outcome, succeeded=(is_fresh and modules == 2,) * job.trials.count))
         return outcomes
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.errors import RunError
-from evolution._src.search.record import FORMAT, HISTORY, SAMPLE, VALIDATION, Entry, Record
+from evolution._src.search.record import EXAM, FORMAT, HISTORY, SAMPLE, VALIDATION, Entry, Record
 
 
 def make_row(generation: int) -> dict[str, float]:
@@ -19,13 +19,14 @@ def make_row(generation: int) -> dict[str, float]:
 
 def make_record() -> Record:
     record = Record()
-    first = Outcome(1.25, 0.5, (True, False, True), 12.5, 0, "")
+    kept = ({"a": np.ones((2, 2)), "b": np.array(4.0)}, {}, {"a": np.zeros((0, 2))})
+    first = Outcome(1.25, 0.5, (True, False, True), 12.5, 0, "", kept)
     second = Outcome(-1.0, 0.0, (False, False), 0.0, 2, "FloatingPointError: fell apart")
     third = Outcome(0.75, 0.25, (True,), 3.0, 1, "")
     record.add_generation(
         [
             Entry(0, SAMPLE, 0, np.array([0.1, -0.2]), 1.5, first),
-            Entry(0, SAMPLE, 1, np.array([0.3, 0.4]), -2.5, second),
+            Entry(0, EXAM, 1, np.array([0.3]), -2.5, second, "b(.)"),
         ],
         make_row(0),
     )
@@ -38,48 +39,39 @@ def test_everything_comes_out_as_it_went_in():
     again, digest = Record.from_bytes(record.to_bytes("a digest"), "a file")
     assert digest == "a digest"
     assert again.num_generations == record.num_generations == 2
-    assert again.history.tolist() == record.history.tolist()
+    assert (
+        again.history.tolist()
+        == record.history.tolist()
+        == [tuple(make_row(each).values()) for each in (0, 1)]
+    )
     for ours, theirs in zip(again.entries, record.entries, strict=True):
         assert ours._replace(genotype=None) == theirs._replace(genotype=None)  # pyright: ignore[reportArgumentType]
         assert np.array_equal(ours.genotype, theirs.genotype)
+    ours, theirs = (each.entries[0].outcome.descriptors for each in (again, record))
+    np.testing.assert_equal(ours, theirs)
+    assert ours[2]["a"].shape == (0, 2)
     assert again.to_bytes("a digest") == record.to_bytes("a digest")
 
 
 def test_a_record_from_before_the_first_generation_is_empty():
-    again, digest = Record.from_bytes(Record().to_bytes(""), "a file")
-    assert digest == ""
-    assert again.entries == []
+    again, _ = Record.from_bytes(Record().to_bytes(""), "a file")
+    assert again.entries == list(again.generations()) == []
     assert again.num_generations == len(again.history) == 0
     assert again.history.dtype == HISTORY
 
 
-def test_columns_are_plain_numbers_and_text_of_one_width_everywhere():
-    columns = make_record().columns()
-    kinds = {name: column.dtype.str for name, column in columns.items() if column.dtype.kind != "U"}
-    whole, real = ("generation", "kind", "index", "diverged"), ("genotype", "fitness", "progress")
-    assert kinds == dict.fromkeys(whole, "<i4") | dict.fromkeys((*real, "effort", "seconds"), "<f8")
-    assert columns["succeeded"].tolist() == ["101", "00", "1"]
-    assert columns["error"].tolist() == ["", "FloatingPointError: fell apart", ""]
-    assert columns["genotype"].shape == (3, 2)
-
-
-def test_a_generation_is_its_row_and_its_entries():
+def test_a_generation_is_its_row_and_its_entries_and_what_follows_is_a_confirmation():
     record = make_record()
-    assert record.history[1].tolist() == tuple(make_row(1).values())
-    generations = list(record.generations())
-    assert [[entry.index for entry in entries] for entries, _ in generations] == [[0, 1], [12]]
-    assert [row["generation"] for _, row in generations] == [0, 1]
-    assert list(Record().generations()) == []
-
-
-def test_only_the_last_generation_is_still_written():
-    record = make_record()
-    before = record.history
-    record.set_champion(15, 16)
-    record.set_wall_seconds(2.5)
-    assert record.history[0] == before[0]
-    expected = make_row(1) | {"champion_successes": 15, "champion_trials": 16, "wall_seconds": 2.5}
-    assert record.history[1].tolist() == tuple(expected.values())
+    later = record.entries[-1]._replace(generation=2)
+    record.entries.append(later)
+    generations = [
+        ([entry.index for entry in entries], row["generation"]) for entries, row in record.generations()
+    ]
+    assert generations == [([0, 1], 0), ([12], 1)]
+    assert record.confirmation == [later]
+    record.add_generation([], make_row(2))
+    assert record.confirmation == []
+    assert len(record.entries) == 3, "the confirmation was that of a shorter run"
 
 
 def damage(**changes: Any) -> bytes:
@@ -91,28 +83,25 @@ def damage(**changes: Any) -> bytes:
     return buffer.getvalue()
 
 
-def test_the_file_with_nothing_replaced_is_a_record():
-    assert len(Record.from_bytes(damage(), "a file")[0].entries) == 3
-
-
 @pytest.mark.parametrize(
     "changes",
     [
         {"history": make_record().history[1:]},
         {"history": make_record().history[["generation", "best"]]},
-        {"history": np.zeros(2)},
-        {"history": None},
         {"digest": None},
         {"format": None},
         {"entry_kind": np.zeros(2, dtype="<i4")},
+        {"entry_kind": np.full(3, np.inf)},
+        {"entry_index": np.array(["one"] * 3)},
         {"entry_fitness": None},
-        {"entry_error": None},
         {"entry_genotype": np.zeros((3, 2), dtype="<f4")},
-        {"entry_genotype": np.zeros((3, 2), dtype="<i8")},
         {"entry_progress": np.array(["a", "b", "c"])},
+        {"descriptors": np.zeros(3, np.uint8)},
+        {"digest": np.array([{"a": 1}], dtype=object)},
     ],
 )
 def test_what_is_no_whole_record_is_refused(changes):
+    assert len(Record.from_bytes(damage(), "a file")[0].entries) == 3
     with pytest.raises(
         RunError, match=r"^a file is damaged or not a record of a run .* restore it from a copy"
     ):

@@ -17,67 +17,47 @@ from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run, resume
 from evolution._src.search.record import HISTORY, TIMES, VALIDATION, Record
-from evolution._src.search.run import Run
+from evolution._src.search.run import RECORD
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 
 
-VARIANTS = {
-    "plain": {},
-    "restarts": {"population_size": 4, "generations": 12},
-    "restart_after": {"restart_after": 3},
-}
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_a_resumed_run_equals_an_uninterrupted_one(variant, tmp_path):
-    config = replace(TOY, **VARIANTS[variant])
-    toy = toys.plain if variant == "restarts" else toys.bowl
+@pytest.mark.parametrize("changes", [{}, {"population_size": 4, "generations": 12}, {"restart_after": 3}])
+def test_a_resumed_run_equals_an_uninterrupted_one(changes, tmp_path):
+    config = replace(TOY, **changes)
+    toy = toys.plain if "population_size" in changes else toys.bowl
     whole = evolve(replace(config, folder=str(tmp_path / "whole")), simulate=toy)
+    assert bool(whole.history["restarts"].any()) is bool(changes)
     part = config.generations // 3
     evolve(replace(config, generations=part, folder=str(tmp_path / "parts")), simulate=toy)
     resume(tmp_path / "parts", generations=2 * part, simulate=toy)
     parts = resume(tmp_path / "parts", generations=config.generations, simulate=toy)
     assert without_times(whole.history) == without_times(parts.history)
-    assert whole.champion == parts.champion
     assert read_without_times(tmp_path / "whole") == read_without_times(tmp_path / "parts")
-    assert load_run(tmp_path / "parts").champion == whole.champion
+    assert load_run(tmp_path / "parts").champion == parts.champion == whole.champion
 
 
-def test_a_search_restarts_on_a_plain():
-    restarted = evolve(replace(TOY, **VARIANTS["restarts"]), simulate=toys.plain)
-    assert set(restarted.history["restarts"]) >= {0, 1}
+@pytest.fixture
+def run(tmp_path):
+    return evolve(replace(SHORT, folder=str(tmp_path)), simulate=toys.bowl)
 
 
-def make_run(folder: Path) -> Run:
-    return evolve(replace(SHORT, folder=str(folder)), simulate=toys.bowl)
-
-
-def write_record(folder: Path, run: Run, entries: list) -> None:
-    record = Record()
-    record.entries = entries
-    for row in run.history:
-        record.add_generation([], {name: row[name] for name in run.history.dtype.names or ()})
-    (folder / "record.npz").write_bytes(record.to_bytes(run.config.digest()))
-
-
-def test_replayed_entries_must_equal_the_recorded_ones(tmp_path):
-    run = make_run(tmp_path)
+def test_replayed_entries_must_equal_the_recorded_ones(run, tmp_path):
     entries = run.record.entries
-    write_record(tmp_path, run, entries)
-    assert load_run(tmp_path).champion == run.champion
     place = next(place for place, entry in enumerate(entries) if entry.generation == 1)
-    one = entries[place]
+    one, before, after = entries[place], entries[:place], entries[place + 1 :]
     for changed, generation in (
-        ([*entries[:place], one._replace(kind=VALIDATION), *entries[place + 1 :]], 1),
-        ([*entries[:place], one._replace(index=5), *entries[place + 1 :]], 1),
-        ([*entries[:place], one._replace(genotype=one.genotype * 1.001), *entries[place + 1 :]], 1),
-        ([*entries[:place], *entries[place + 1 :]], 1),
-        ([*entries[:place], one, *entries[place:]], 1),
+        ([*before, one._replace(kind=VALIDATION), *after], 1),
+        ([*before, one._replace(index=5), *after], 1),
+        ([*before, one._replace(body="."), *after], 1),
+        ([*before, one._replace(genotype=one.genotype + 1e-9), *after], 1),
+        ([*before, *after], 1),
+        ([*before, one, one, *after], 1),
         (entries[:-1], 2),
         ([*entries, entries[-1]], 2),
     ):
-        write_record(tmp_path, run, changed)
+        record = Record(changed, run.history)
+        (tmp_path / RECORD).write_bytes(record.to_bytes(run.config.digest()))
         for action in (load_run, resume):
             with pytest.raises(RunError) as caught:
                 action(tmp_path)
@@ -88,120 +68,83 @@ def test_replayed_entries_must_equal_the_recorded_ones(tmp_path):
             )
 
 
-def test_a_changed_genotype_is_noticed_in_replay(tmp_path):
-    folder = tmp_path / "run"
-    run = evolve(replace(TOY, generations=4, folder=str(folder)), simulate=toys.bowl)
-    entry = run.record.entries[14]
-    run.record.entries[14] = entry._replace(genotype=entry.genotype + 1e-9)
-    (folder / "record.npz").write_bytes(run.record.to_bytes(run.config.digest()))
-    with pytest.raises(RunError, match=r"generation 1 .* does not replay as recorded"):
-        resume(folder, simulate=toys.bowl)
-
-
-def test_a_changed_history_is_noticed_in_replay(tmp_path):
+def test_a_changed_history_is_noticed_in_replay(run, tmp_path):
     """Whatever it tells, but for the time that passed, follows from the entries."""
-    config = replace(TOY, generations=4, seed=3, folder=str(tmp_path / "run"))
-    record = evolve(config, simulate=toys.bowl).record
     for name in set(HISTORY.names or ()) - {"generation", *TIMES}:
-        changed = Record()
-        for entries, row in record.generations():
-            values = {column: row[column] for column in HISTORY.names or ()}
-            values[name] += float(row["generation"] == 2)
-            changed.add_generation(entries, values)
-        (tmp_path / "run" / "record.npz").write_bytes(changed.to_bytes(config.digest()))
-        with pytest.raises(RunError, match=r"generation 2 .* does not replay as recorded"):
-            load_run(tmp_path / "run")
+        history = run.history
+        history[name][1] += 1
+        (tmp_path / RECORD).write_bytes(Record(run.record.entries, history).to_bytes(run.config.digest()))
+        with pytest.raises(RunError, match=r"generation 1 .* does not replay as recorded"):
+            load_run(tmp_path)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"generations": 4},
-        {"workers": 2},
-        {"backend": "processes"},
-        {"address": "here"},
-        {"stop_when_solved": True},
-        {"generations": 4, "workers": 2, "backend": "processes", "address": "here", "stop_when_solved": True},
-    ],
-)
-def test_runtime_fields_may_change(tmp_path, changes):
-    make_run(tmp_path)
-    run = resume(tmp_path, simulate=toys.bowl, **changes)
-    assert {name: getattr(run.config, name) for name in changes} == changes
-    assert load_run(tmp_path).config == run.config
-
-
-def test_fields_that_decide_results_may_not_change(tmp_path):
-    run = make_run(tmp_path)
+def test_runtime_fields_may_change_and_those_that_decide_results_may_not(run, tmp_path):
+    changes = {
+        "generations": 4,
+        "workers": 2,
+        "backend": "processes",
+        "address": "here",
+        "stop_when_solved": True,
+    }
     with pytest.raises(
         RunError, match=r"^\['seed', 'sigma'\] cannot change in a run; .*'generations'.* can$"
     ):
         resume(tmp_path, sigma=0.3, generations=4, seed=1)
     assert load_run(tmp_path).config == run.config
+    changed = resume(tmp_path, simulate=toys.bowl, **changes)
+    assert {name: getattr(changed.config, name) for name in changes} == changes
+    assert load_run(tmp_path).config == changed.config
 
 
-def test_a_moved_folder_is_resumed_where_it_is(tmp_path):
-    before = make_run(tmp_path / "old")
-    (tmp_path / "old").rename(tmp_path / "new")
-    run = resume(tmp_path / "new", generations=4, simulate=toys.bowl)
-    assert run.folder == tmp_path / "new"
-    assert run.config.folder == load_run(tmp_path / "new").config.folder == str(tmp_path / "new")
-    assert run.history["best"][:3].tolist() == before.history["best"].tolist()
-    assert not (tmp_path / "old").exists()
+def test_a_moved_folder_is_resumed_where_it_is(run, tmp_path):
+    moved = tmp_path.rename(tmp_path.with_name("moved"))
+    again = resume(moved, generations=4, simulate=toys.bowl)
+    assert again.folder == moved
+    assert again.config.folder == load_run(moved).config.folder == str(moved)
+    assert again.history["best"][:3].tolist() == run.history["best"].tolist()
 
 
-def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(tmp_path):
-    before = make_run(tmp_path)
-    called: list[tuple[int, Path | None]] = []
-    reported: list[tuple[str, float]] = []
-    run = resume(
+def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(run, tmp_path):
+    called, reported = [], []
+    again = resume(
         tmp_path,
         generations=5,
         simulate=toys.bowl,
         on_generation=lambda run: called.append((len(run.history), run.folder)),
-        progress=lambda message, share: reported.append((message, share)),
+        progress=lambda *each: reported.append(each),
     )
     assert called == [(4, tmp_path), (5, tmp_path)]
-    assert reported == [("generation 4", 0.8), ("generation 5", 1.0)]
-    times = run.history["wall_seconds"]
-    assert np.array_equal(times[:3], before.history["wall_seconds"])
+    assert reported == [("generation 4 of 5", 0.8), ("generation 5 of 5", 1.0)]
+    times = again.history["wall_seconds"]
+    assert np.array_equal(times[:3], run.history["wall_seconds"])
     assert np.all(np.diff(times) >= 0)
-    assert run.folder == tmp_path
-    assert evolve(SHORT, simulate=toys.bowl).folder is None
+    assert resume(tmp_path, simulate=toys.bowl).history.tolist() == again.history.tolist()
 
 
-def test_evolve_names_the_differences_to_an_existing_run(tmp_path):
-    make_run(tmp_path)
-    config = replace(SHORT, folder=str(tmp_path))
-    with pytest.raises(RunError, match="contains this run already; resume it, or name another folder"):
-        evolve(config)
-    with pytest.raises(
-        RunError, match=r"contains another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); resume it"
+def test_evolve_names_the_differences_to_an_existing_run(run, tmp_path):
+    for changes, message in (
+        ({}, "contains this run already; resume it, or name another folder"),
+        (
+            {"seed": 1, "sigma": 0.2},
+            r"contains another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); resume it",
+        ),
     ):
-        evolve(replace(config, seed=1, sigma=0.2))
-
-
-def test_a_finished_run_stays_as_it_is(tmp_path):
-    folder = tmp_path / "run"
-    run = evolve(replace(TOY, generations=3, folder=str(folder)), simulate=toys.bowl)
-    again = resume(folder, simulate=toys.bowl)
-    assert without_times(again.history) == without_times(run.history)
-    assert again.history["wall_seconds"].tolist() == run.history["wall_seconds"].tolist()
+        with pytest.raises(RunError, match=message):
+            evolve(replace(SHORT, folder=str(tmp_path), **changes), simulate=toys.bowl)
 
 
 PROGRAM = """
 import sys
-from evolution._src.search.loop import evolve, resume
-from evolution._src.search.config import EvolutionConfig
 from pathlib import Path
 import toys
+from evolution._src.search.loop import evolve, resume
+from histories import TOY
+from dataclasses import replace
 folder = sys.argv[1]
 if Path(folder, "config.json").exists():
     resume(folder, simulate=toys.slow_bowl)
 else:
-    evolve(EvolutionConfig(arena="truth", controller="reactive", origin="hint", generations=24, sigma=0.3,
-                       restart_after=None, stop_when_solved=False, folder=folder),
-           simulate=toys.slow_bowl)
+    evolve(replace(TOY, folder=folder), simulate=toys.slow_bowl)
 """
 
 
@@ -239,9 +182,3 @@ def test_a_killed_run_resumes_to_the_same_champion(tmp_path):
 def test_twenty_killed_runs_resume_to_the_same_champion(tmp_path):
     moments = np.random.default_rng(0).uniform(0.0, 1.5, 20)
     assert check_kills(tmp_path, moments) >= 10
-
-
-def test_a_damaged_record_that_stays_is_named(tmp_path):
-    (tmp_path / "record.npz").write_bytes(b"PK")
-    with pytest.raises(RunError, match=rf"^{tmp_path}/record\.npz is damaged"):
-        evolve(replace(TOY, generations=3, folder=str(tmp_path)), simulate=toys.bowl)

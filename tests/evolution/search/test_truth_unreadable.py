@@ -3,7 +3,6 @@
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import evolution as ev
@@ -68,14 +67,3 @@ def test_evolution_on_a_scan_runs_without_the_truth(no_truth, tmp_path):
     run = ev.evolve(make_config(folder=str(tmp_path / "run"), environment=(("duration", 4.0),)))
     assert len(run.history) == 1
     assert ev.load_run(tmp_path / "run").history == run.history
-
-
-@pytest.mark.parametrize("arena", ["gsrm", "folder"])
-def test_an_environment_on_a_scan_is_made_without_the_truth(no_truth, tmp_path, arena):
-    place = tmp_path / "assets" / "arenas" / "gsrm" if arena == "folder" else arena
-    env = sg.OrganismEnv(arena=place, modules=4, start="pit")
-    env.reset(seed=0)
-    _, _, _, _, info = env.step(np.zeros(env.action_space.shape))
-    assert info["x_position"] < -0.4
-    near, far, _ = env.world.route.pit
-    assert far - near == pytest.approx(0.45, abs=0.005)

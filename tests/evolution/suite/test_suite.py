@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evolution._src.backends.cluster import make_backend
-from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.scoring import Outcome
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.commands.bench_suite import METHODS as NAMES
 from evolution._src.cli.commands.bench_suite import BenchSuite

@@ -30,7 +30,7 @@ from evolution._src.cli.commands.evolve_bodies import (
 from evolution._src.cli.console import Console
 from evolution._src.cli.way_warning import warn_of_way
 from evolution._src.search.bodies.config import ALGORITHMS, BodiesConfig
-from evolution._src.search.bodies.run import has_bodies
+from evolution._src.search.run import RunFolder
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.assets import SCANNED
 from symbrion_gym._src.environment.config import STARTS
@@ -235,7 +235,7 @@ class Resume(TrustingCommand):
         options = {name: getattr(self, name) for name in ("generations", "workers", "backend")}
         changes: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
         changes["allow"] = self.allow_code
-        if has_bodies(self.folder):
+        if RunFolder(self.folder).has_bodies():
             return resume_run_of_bodies(self.folder, changes, console)
         with console.track(f"Evolution in {self.folder}") as step:
             run = ev.resume(self.folder, progress=step.progress, **changes)

@@ -7,7 +7,7 @@ import re
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import evolution as ev
 from evolution._src.backends.cluster import EXACT_BACKENDS
@@ -15,14 +15,10 @@ from evolution._src.cli.command import UsageError
 from evolution._src.cli.console import Console
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_MODULES
-from evolution._src.search.bodies.algorithms import describe_success, format_fitness
+from evolution._src.search.bodies.run import BodyRun, describe_success, format_fitness, list_once
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import find_missing
 from reconstruction._src.base.range_checks import format_count
-
-if TYPE_CHECKING:
-    from evolution._src.search.bodies.learning import LevelResult
-    from evolution._src.search.bodies.run import BodyRun
 
 PICTURE = "bodies.png"  # Of the fittest bodies, in the run folder
 MAX_DRAWN = 24
@@ -98,13 +94,11 @@ def resume_run_of_bodies(folder: Path, changes: Mapping[str, Any], console: Cons
 
 def _confirm(run: BodyRun, console: Console) -> BodyRun:
     """Try the fittest bodies again, and return the run with what is known of them then."""
-    from evolution._src.search.bodies.confirmation import CANDIDATES
-
     if run.folder is None or run.best is None or run.confirmation is not None:
         return run
-    with console.track(f"Fresh trials of the fittest bodies, {CANDIDATES} at most") as step:
-        confirmation = ev.confirm(run, CANDIDATES, progress=step.progress)
-    return dataclasses.replace(run, confirmation=confirmation)
+    with console.track("Fresh trials of the fittest bodies") as step:
+        confirmation = ev.confirm(run, progress=step.progress)
+    return dataclasses.replace(run, champion=confirmation.champion, confirmation=confirmation)
 
 
 def describe_stop(run: BodyRun) -> str:
@@ -120,19 +114,19 @@ def describe_stop(run: BodyRun) -> str:
 
 def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
     """Print the results of a search for bodies, and return them as a summary."""
-    results, confirmation = run.record.results, run.confirmation
+    results, confirmation = run.results, run.confirmation
     best = run.best if confirmation is None else confirmation.result
     summary: dict[str, Any] = {
         "folder": run.folder,
         "iterations": len(run.history),
         "bodies": len({result.body.canonical_text for result in results}),
-        "simulated_seconds": run.record.seconds,
+        "simulated_seconds": run.seconds,
         "fresh_seconds": 0.0 if confirmation is None else confirmation.seconds,
         "champion": run.champion.as_dict() if run.champion else None,
     }
     console.print_line(
         f"{format_count(summary['iterations'], 'iteration')}, {format_count(summary['bodies'], 'body', 'bodies')}, "
-        f"{run.record.seconds:.0f} s simulated in {run.folder}"
+        f"{run.seconds:.0f} s simulated in {run.folder}"
         + ("" if confirmation is None else f", and {confirmation.seconds:.0f} s in fresh trials")
     )
     if best is not None:
@@ -155,10 +149,8 @@ def _draw_best(run: BodyRun, path: Path) -> None:
     """Draw the fittest bodies with their fitness."""
     from evolution._src.report.figures import draw_bodies, to_png
 
-    best: dict[str, LevelResult] = {}
-    for result in sorted(run.record.results, key=lambda each: (each.level, each.fitness), reverse=True):
-        best.setdefault(result.body.canonical_text, result)
-    shown = list(best.values())[:MAX_DRAWN]
+    best = sorted(run.results, key=lambda each: (each.level, each.fitness), reverse=True)
+    shown = list_once(best)[:MAX_DRAWN]
     figure = draw_bodies([each.body for each in shown], [format_fitness(run, each.fitness) for each in shown])
     with write_atomically(path) as temporary:
         temporary.write_bytes(to_png(figure))

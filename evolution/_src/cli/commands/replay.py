@@ -17,7 +17,7 @@ from evolution._src.cli.command import (
 )
 from evolution._src.cli.commands.evolve import find_replay_arena, require_run
 from evolution._src.cli.console import Console
-from evolution._src.search.bodies.run import has_bodies
+from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count
@@ -61,7 +61,7 @@ class Replay(SeededCommand, TrustingCommand):
             require_writable_file(self.video, "--video", (".mp4",))
         if self.page is not None:
             require_writable_file(self.page, "--page", (".html",))
-            if not has_bodies(self.folder):
+            if not RunFolder(self.folder).has_bodies():
                 raise UsageError(f"--page {self.page}: {self.folder} is no search for bodies; leave it out")
 
     def run(self, console: Console) -> dict[str, Any]:
@@ -70,10 +70,12 @@ class Replay(SeededCommand, TrustingCommand):
             require_extras("`symbrion replay --video`", "report")
         if self.page is not None:
             require_extras("`symbrion replay --page`", "report")
-        champion = (ev.load_bodies if has_bodies(self.folder) else ev.load_run)(self.folder).champion
+        champion = ev.load_run(self.folder).champion
         if champion is None:
             raise ev.RunError(f"{self.folder} has no champion yet; `symbrion resume {self.folder}` first")
-        arena = self.arena or (find_replay_arena(champion.arena) if has_bodies(self.folder) else "truth")
+        arena = self.arena or (
+            find_replay_arena(champion.arena) if RunFolder(self.folder).has_bodies() else "truth"
+        )
         summary: dict[str, Any] = {"arena": arena, "trials": self.trials, "champion": champion.as_dict()}
         if self.trials:
             with console.track(f"{format_count(self.trials, 'trial')} in {arena}"):
@@ -104,7 +106,9 @@ class Replay(SeededCommand, TrustingCommand):
 
         path.parent.mkdir(parents=True, exist_ok=True)  # fails before the films
         with console.track("Page of bodies") as step:
-            page = make_body_page(ev.load_bodies(self.folder), self.films, self.seed, step.progress)
+            page = make_body_page(
+                ev.load_bodies(self.folder, self.allow_code), self.films, self.seed, step.progress
+            )
         page.write(path)
         console.print_line(f"{path}: a click on a body shows it drive")
 

@@ -20,7 +20,6 @@ from evolution._src.experiments.swarm.story import (
     tell_story,
 )
 from evolution._src.search.run import load_champion
-from evolution._src.search.stored_config import restore
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.progress import Progress
@@ -97,7 +96,7 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
     """Return the champion that crosses: a given one, or one that evolves in the arena; its run can be resumed."""
     count = config.story.num_robots
     if config.champion is not None:
-        champion = restore(load_champion(config.champion), config.allow)
+        champion = load_champion(config.champion).restore(config.allow)
         if champion.find_organism() != sg.snake(count):
             raise ev.RunError(
                 f"the champion {config.champion} is no snake of {count} modules; give --robots as its body has, or "

@@ -1,1 +1,1 @@
-"""Search for bodies: what each learns within a lifetime, algorithms that propose bodies, the record of a run."""
+"""Search for bodies of docked modules, each of which learns its controller."""

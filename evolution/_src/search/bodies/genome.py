@@ -1,16 +1,21 @@
-"""The genome of a body: a rooted tree of modules, and the rule that a limb grows mirrored on the other side.
+"""The genome of a body: a rooted tree of modules, the rule that a limb grows mirrored, and how genomes vary.
 
 A Scout has one connector, on its hinged arm, and three sockets. So each docking joins the arm of one module with a
 socket of another, exactly one module of a body keeps its arm free, and a body is a tree with that module as its root
 and at most three children a module, on its back, left and right. The side is the orientation of a child, too: it always
 looks at its parent.
+
+Mutations and crossover list their possible children and draw one. Nothing is drawn and rejected: where a mutation has
+no valid child the next one is tried, and where none has, the parent is returned.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+
+import numpy as np
 
 from evolution._src.errors import RunError
 from symbrion_gym._src.errors import OrganismError
@@ -20,8 +25,9 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 SOCKETS = ("back", "left", "right")
 Path = tuple[str, ...]  # The sockets from the root to a module
+Limits = tuple[int, int]  # Smallest and largest number of modules
 _OPPOSITE = {"back": "back", "left": "right", "right": "left"}
-_LETTERS = {"back": "b", "left": "l", "right": "r"}
+_SOCKETS = {"b": "back", "l": "left", "r": "right", "m": "left"}  # By letters of a genome's text
 
 
 @dataclass(frozen=True)
@@ -72,10 +78,8 @@ class BodyGenome:
 
     def mirror(self) -> BodyGenome:
         """Return the mirror image: left and right swapped all over."""
-        if self.is_mirrored and self.left is not None:
-            return replace(
-                self, back=self.back and self.back.mirror()
-            )  # both sides are there, so that only the back changes
+        if self.is_mirrored:  # both sides are there, so that only the back changes
+            return replace(self, back=self.back and self.back.mirror())
         return join_limbs({_OPPOSITE[socket]: limb.mirror() for socket, limb in self.limbs})
 
     @cached_property
@@ -84,7 +88,7 @@ class BodyGenome:
         if self.is_mirrored and self.left is not None:
             pair = f"m({self.left.text})"
             return f"b({self.back.text}){pair}" if self.back is not None else pair
-        return "".join(f"{_LETTERS[socket]}({limb.text})" for socket, limb in self.limbs) or "."
+        return "".join(f"{socket[0]}({limb.text})" for socket, limb in self.limbs) or "."
 
     @cached_property
     def canonical_text(self) -> str:
@@ -99,18 +103,25 @@ class BodyGenome:
             paths += [(socket, *path) for path in limb.find_paths()]
         return paths
 
+    def find_free_sockets(self) -> Iterator[Path]:
+        """Yield the path to each free socket."""
+        for path in self.find_paths():
+            limb = self.find_limb(path)
+            for socket in SOCKETS:
+                if getattr(limb, socket) is None and not (limb.is_mirrored and socket == "right"):
+                    yield (*path, socket)
+
     def find_limb(self, path: Path) -> BodyGenome:
         """Return the limb at the end of a path.
 
         Raises:
             RunError: the path leads to nothing.
         """
-        limb = self
+        limb: BodyGenome | None = self
         for socket in path:
-            step = getattr(limb, socket) if socket in SOCKETS else None
-            if step is None:
-                raise RunError(f"the path {path} leads to no module of {self.text!r}")
-            limb = step
+            limb = getattr(limb, socket, None)
+        if limb is None:
+            raise RunError(f"the path {path} leads to no module of {self.text!r}")
         return limb
 
     def replace_limb(self, path: Path, limb: BodyGenome | None) -> BodyGenome:
@@ -126,11 +137,8 @@ class BodyGenome:
                 raise RunError("the root cannot be removed; a body has at least one module")
             return limb
         socket, *rest = path
-        current = getattr(self, socket)
         if rest:
-            if current is None:
-                raise RunError(f"the path {path} leads to no module of {self.text!r}")
-            limb = current.replace_limb(tuple(rest), limb)
+            limb = self.find_limb((socket,)).replace_limb(tuple(rest), limb)
         is_mirrored = self.is_mirrored and not (socket == "left" and limb is None)
         return replace(self, **{socket: limb, "is_mirrored": is_mirrored})
 
@@ -164,55 +172,26 @@ def make_row(num_modules: int) -> BodyGenome:
     return row
 
 
-def genome_of(organism: Organism) -> BodyGenome:
-    """Return the genome of an organism; nothing in it is mirrored."""
-    children: dict[int, dict[str, int]] = {module: {} for module in range(organism.num_modules)}
-    roots = set(children)
-    for docking in organism.dockings:
-        ends = docking.ends
-        arms = [end for end in ends if end[1] == "front"]
-        if len(arms) != 1:
-            raise RunError(
-                f"modules {docking.first} and {docking.second} are docked {docking.first_side} to "
-                f"{docking.second_side}; an evolved body docks arms (front) to sockets (back, left, right)"
-            )
-        (child, _), (parent, socket) = arms[0], ends[1 - ends.index(arms[0])]
-        children[parent][socket] = child
-        roots.discard(child)
-
-    def grow(module: int) -> BodyGenome:
-        return join_limbs({socket: grow(child) for socket, child in children[module].items()})
-
-    return grow(min(roots))
-
-
 def parse_genome(text: str) -> BodyGenome:
     """Return the genome that a text describes, as `BodyGenome.text` writes it."""
-    genome, end = _parse(text, 0, text)
-    if end != len(text):
-        raise RunError(f"cannot read the genome {text!r}: {text[end]!r} at character {end}")
+    genome = _parse(iter(text))
+    if genome.text != text:
+        raise RunError(f"cannot read the genome {text!r}; one such as 'b(b(.)m(.))' is needed")
     return genome
 
 
-def _parse(text: str, place: int, whole: str) -> tuple[BodyGenome, int]:
-    """Return a genome and where its text ends."""
-    if text[place : place + 1] == ".":
-        return BodyGenome(), place + 1
+def _parse(letters: Iterator[str]) -> BodyGenome:
+    """Return the genome up to the bracket that closes it; what is no genome becomes another one's text."""
     limbs: dict[str, BodyGenome] = {}
     is_mirrored = False
-    names = {letter: socket for socket, letter in _LETTERS.items()} | {"m": "left"}
-    while text[place : place + 1] in names and text[place : place + 1]:
-        letter = text[place]
-        if names[letter] in limbs or (letter == "r" and is_mirrored) or text[place + 1 : place + 2] != "(":
-            raise RunError(f"cannot read the genome {whole!r}: {letter!r} at character {place}")
-        limbs[names[letter]], place = _parse(text, place + 2, whole)
-        if text[place : place + 1] != ")":
-            raise RunError(f"cannot read the genome {whole!r}: ')' is missing at character {place}")
-        place += 1
-        is_mirrored |= letter == "m"
-    if not limbs:
-        raise RunError(f"cannot read the genome {whole!r}: no limb and no '.' at character {place}")
-    return BodyGenome(**limbs, is_mirrored=is_mirrored), place
+    for letter in letters:
+        if letter == ")":
+            break
+        if letter in _SOCKETS:
+            next(letters, "")  # the opening bracket
+            limbs[_SOCKETS[letter]] = _parse(letters)
+            is_mirrored |= letter == "m"
+    return BodyGenome(**limbs, is_mirrored=is_mirrored)
 
 
 def is_possible(genome: BodyGenome) -> bool:
@@ -247,7 +226,7 @@ def enumerate_bodies(num_modules: int) -> list[BodyGenome]:
     for _ in range(num_modules - 1):
         larger: dict[str, BodyGenome] = {}
         for body in bodies.values():
-            for grown in grow_everywhere(body):
+            for grown in grow(body):
                 if grown.canonical_text not in larger and is_possible(grown):
                     larger[grown.canonical_text] = grown
         bodies = larger
@@ -255,10 +234,116 @@ def enumerate_bodies(num_modules: int) -> list[BodyGenome]:
     return sorted(chosen, key=lambda body: body.text)
 
 
-def grow_everywhere(genome: BodyGenome) -> Iterator[BodyGenome]:
+def grow(genome: BodyGenome) -> Iterator[BodyGenome]:
     """Yield the genome with a module more, for each of its free sockets, overlaps included."""
+    for place in genome.find_free_sockets():
+        yield genome.replace_limb(place, BodyGenome())
+
+
+def prune(genome: BodyGenome) -> Iterator[BodyGenome]:
+    """Yield the genome without each of its limbs."""
+    for path in genome.find_paths()[1:]:
+        yield genome.replace_limb(path, None)
+
+
+def move(genome: BodyGenome) -> Iterator[BodyGenome]:
+    """Yield the genome with each limb moved to each free socket outside of it."""
+    for path in genome.find_paths()[1:]:
+        limb, rest = genome.find_limb(path), genome.replace_limb(path, None)
+        for place in rest.find_free_sockets():
+            if place != path:
+                yield rest.replace_limb(place, limb)
+
+
+def swap(genome: BodyGenome) -> Iterator[BodyGenome]:
+    """Yield the genome with each two limbs exchanged of which neither contains the other."""
+    paths = genome.find_paths()[1:]
+    for i, one in enumerate(paths):
+        for other in paths[i + 1 :]:
+            if one != other[: len(one)]:
+                first, second = genome.find_limb(one), genome.find_limb(other)
+                if first != second:
+                    yield genome.replace_limb(one, second).replace_limb(other, first)
+
+
+def duplicate(genome: BodyGenome) -> Iterator[BodyGenome]:
+    """Yield the genome with a copy of each limb on each free socket."""
+    for path in genome.find_paths()[1:]:
+        limb = genome.find_limb(path)
+        for place in genome.find_free_sockets():
+            yield genome.replace_limb(place, limb)
+
+
+def toggle_mirroring(genome: BodyGenome) -> Iterator[BodyGenome]:
+    """Yield the genome with each pair of sides mirrored, or no longer mirrored.
+
+    What becomes mirrored loses its right limb; what no longer is keeps both limbs, and they vary apart from then on.
+    """
     for path in genome.find_paths():
         limb = genome.find_limb(path)
-        for socket in SOCKETS:
-            if getattr(limb, socket) is None and not (limb.is_mirrored and socket == "right"):
-                yield genome.replace_limb((*path, socket), BodyGenome())
+        if limb.is_mirrored and limb.left is not None:
+            parted = replace(limb, right=limb.left.mirror(), is_mirrored=False)
+            yield genome.replace_limb(path, parted)
+        elif limb.left is not None:
+            yield genome.replace_limb(path, replace(limb, right=None, is_mirrored=True))
+
+
+def take_root(genome: BodyGenome) -> Iterator[BodyGenome]:
+    """Yield each body that begins at a limb, and those where a new root carries the whole body on a socket."""
+    for path in genome.find_paths()[1:]:
+        yield genome.find_limb(path)
+    for socket in SOCKETS:
+        yield join_limbs({socket: genome})
+
+
+OPERATORS: dict[str, Callable[[BodyGenome], Iterator[BodyGenome]]] = {
+    "grow": grow,
+    "prune": prune,
+    "move": move,
+    "swap": swap,
+    "duplicate": duplicate,
+    "mirror": toggle_mirroring,
+    "root": take_root,
+}
+"""Mutations by name: from a genome to what one change makes of it, overlaps included."""
+
+
+def mutate(genome: BodyGenome, rng: np.random.Generator, limits: Limits) -> BodyGenome:
+    """Return a child with one change."""
+    for index in rng.permutation(len(OPERATORS)):
+        operator = list(OPERATORS.values())[index]
+        children = {child.text: child for child in operator(genome) if child.text != genome.text}
+        child = _draw(list(children.values()), rng, limits)
+        if child is not None:
+            return child
+    return genome
+
+
+def cross_over(first: BodyGenome, second: BodyGenome, rng: np.random.Generator, limits: Limits) -> BodyGenome:
+    """Return a child: the first parent with one of its limbs replaced by one of the second's."""
+    limbs = {second.find_limb(path).text: second.find_limb(path) for path in second.find_paths()}
+    children: dict[str, BodyGenome] = {}
+    for path in first.find_paths()[1:]:
+        for limb in limbs.values():
+            child = first.replace_limb(path, limb)
+            children.setdefault(child.text, child)
+    children.pop(first.text, None)
+    return _draw(list(children.values()), rng, limits) or first
+
+
+def make_random_body(rng: np.random.Generator, limits: Limits) -> BodyGenome:
+    """Return a body of a random number of modules, grown a module at a time on random free sockets."""
+    body = BodyGenome()
+    for _ in range(int(rng.integers(limits[0], limits[1] + 1)) - 1):
+        children = list(grow(body))
+        body = next(children[i] for i in rng.permutation(len(children)) if is_possible(children[i]))
+    return body
+
+
+def _draw(bodies: list[BodyGenome], rng: np.random.Generator, limits: Limits) -> BodyGenome | None:
+    """Return one of the bodies of a right size and without overlap; None where there is none."""
+    for index in rng.permutation(len(bodies)):
+        body = bodies[index]
+        if limits[0] <= body.num_modules <= limits[1] and is_possible(body):
+            return body
+    return None

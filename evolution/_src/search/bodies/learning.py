@@ -1,4 +1,4 @@
-"""What a body learns within its lifetime: CMA-ES over the genes of its controller, in levels of growing budgets.
+"""What bodies learn within their lifetimes: CMA-ES over the genes of their controllers, in levels of growing budgets.
 
 Every number depends on the seed of the run, the body and where its learning begins, and on nothing else: not on the
 other bodies of the run, their order or the workers.
@@ -12,141 +12,54 @@ References:
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Sequence
+from math import inf
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from evolution._src.controllers.protocol import Controller
-from evolution._src.errors import RunError
-from evolution._src.references import MAX_GENERATIONS, MAX_GENOTYPES, MAX_TRIALS, MIN_POSITIVE
+from evolution._src.backends.settings import MAX_ENVIRONMENTS
+from evolution._src.backends.trials import Job
+from evolution._src.search.bodies.algorithms import Assignment, LevelResult, make_algorithm
+from evolution._src.search.bodies.config import BodyEvolutionConfig
 from evolution._src.search.bodies.genome import BodyGenome
-from evolution._src.search.cmaes import Space, Strategy
-from reconstruction._src.base.range_checks import coerce_floats, coerce_integers
-
-_MAX_SIGMA = 1000.0
-MAX_LEVELS = 10
-
-
-@dataclass(frozen=True)
-class LearningConfig:
-    """How much a body may learn, and what counts as its fitness.
-
-    Attributes:
-        population_size: genotypes of a generation of CMA-ES.
-        levels: generations that a body has learned in all at the end of each level, the start included.
-        sigma: initial step size of CMA-ES, relative to the hint or the zero genotype.
-        trials: trials of each genotype.
-        exam_trials: trials of the best genotype at the end of a level, under conditions that are not those of learning;
-            their fitness is that of the body. The best of many noisy samples would flatter it.
-        is_examined_early: whether there is an exam at the end of each level; else at the end of the last alone, and
-            the best fitness of learning counts before: flattering, alike for the bodies of a level, and cheap.
-
-    Raises:
-        RunError: a value is out of range, or the levels do not rise.
-    """
-
-    population_size: int = 8
-    levels: tuple[int, ...] = (2, 6, 18)
-    sigma: float = 0.5
-    trials: int = 1
-    exam_trials: int = 4
-    is_examined_early: bool = True
-
-    def __post_init__(self) -> None:
-        limits = {
-            "population_size": (4, MAX_GENOTYPES),
-            "trials": (1, MAX_TRIALS),
-            "exam_trials": (1, MAX_TRIALS),
-        }
-        coerce_integers(self, limits, RunError)
-        coerce_floats(self, {"sigma": (MIN_POSITIVE, _MAX_SIGMA)}, RunError)
-        levels = tuple(int(level) for level in self.levels)
-        object.__setattr__(self, "levels", levels)
-        rises = all(low < high for low, high in zip((0, *levels), levels, strict=False))
-        if not 1 <= len(levels) <= MAX_LEVELS or not rises or levels[-1] > MAX_GENERATIONS:
-            raise RunError(
-                f"levels is {self.levels}; 1 to {MAX_LEVELS} rising numbers are needed, such as (2, 6, 18)"
-            )
-
-    def count_trials(self, level: int) -> int:
-        """Return the trials of a body in a level, those of the levels before left out."""
-        begin, end = ((0, *self.levels)[level + each] for each in (0, 1))
-        sizes = [self.population_size] * (end - begin)
-        if not begin:
-            sizes[0] = 1  # the start
-        is_examined = self.is_examined_early or level == len(self.levels) - 1
-        return sum(sizes) * self.trials + is_examined * self.exam_trials
-
-    def compute_promoted_share(self, level: int) -> float:
-        """Return which share of the bodies of a level may learn on, so that the next level costs as much in all."""
-        return min(self.count_trials(level) / self.count_trials(level + 1), 1.0)
-
-
-class LevelResult(NamedTuple):
-    """What a body has learned at the end of a level."""
-
-    body: BodyGenome  # its genome
-    level: int  # index of the level
-    # fitness of the best genotype in the trials of the exam; without an exam, that of learning
-    fitness: float
-    successes: int  # its successful trials there
-    trials: int  # number of these; 0 without an exam
-    effort: float  # mean effort there
-    genotype: tuple[float, ...]  # the best genotype of learning
-    names: tuple[str, ...]  # names of its genes
-    curve: tuple[float, ...]  # best fitness of each generation of learning
-    seconds: float  # simulated in this level [s]
+from evolution._src.search.bodies.run import BodyRun, make_body_run
+from evolution._src.search.cmaes import Strategy
+from evolution._src.search.record import EXAM, SAMPLE, Attempt, Entry, Record, Try
 
 
 class Learning:
-    """The learning of one body in progress.
+    """The learning of one body in progress."""
 
-    Args:
-        body: its genome.
-        controller: its controller.
-        config: how much it may learn.
-        origin: "zero" or "hint", where every body begins.
-        seed: seed of the run.
-    """
-
-    def __init__(
-        self, body: BodyGenome, controller: Controller, config: LearningConfig, origin: str, seed: int
-    ) -> None:
-        self.body, self.controller = body, controller
-        self.curve: list[float] = []
-        self.best: Float[np.ndarray, " G"] = np.asarray(_find_start(controller, origin))
-        self.best_fitness = -np.inf
+    def __init__(self, body: BodyGenome, config: BodyEvolutionConfig) -> None:
+        controller = config.make_controller(config.make_organism(body))
+        self.body, self.names = body, controller.parameters
+        self.curve: list[float] = []  # best fitness of each generation
+        zero = np.zeros(len(self.names))
+        start = np.asarray(controller.initial if config.origin == "hint" else zero, dtype=float)
+        self.best: Float[np.ndarray, " G"] = np.clip(start, controller.lower, controller.upper)
+        self.best_fitness = -inf
+        self.seconds = 0.0  # simulated since the last level [s]
         self._strategy: Strategy | None = None
-        if controller.parameters:
-            self._strategy = Strategy(
-                _make_space(controller, self.best),
-                config.sigma,
-                config.population_size,
-                _derive_seed(body, seed),
-            )
-
-    @property
-    def generation(self) -> int:
-        """Generations that are told."""
-        return len(self.curve)
+        if self.names:
+            digest = hashlib.sha256(f"{config.seed};{body.canonical_text}".encode()).digest()
+            seed, rules = int.from_bytes(digest[:4], "little"), config.learning
+            self._strategy = Strategy(controller, self.best, rules.sigma, rules.population_size, seed)
 
     def ask(self) -> Float[np.ndarray, "P G"]:
-        """Return the next generation; the one genotype of a controller without genes."""
-        if self._strategy is None:
-            return np.zeros((1, 0))
-        return self.best[None] if self._is_at_start else self._strategy.ask()
+        """Return the next generation.
 
-    @property
-    def _is_at_start(self) -> bool:
-        """Whether the next generation is the start alone, of which the strategy is not told: CMA-ES samples around it
-        only, and a row of modules may cross a pit without any control."""
-        return not self.curve
+        The first one is the start alone, of which the strategy is not told: CMA-ES samples around it only, and a row
+        of modules may cross a pit without any control.
+        """
+        if self._strategy is None or not self.curve:
+            return self.best[None]
+        return self._strategy.ask()
 
     def tell(self, genotypes: Float[np.ndarray, "P G"], fitness: Float[np.ndarray, " P"]) -> None:
         """Take the fitness of a generation."""
-        if self._strategy is not None and not self._is_at_start:
+        if self._strategy is not None and self.curve:
             self._strategy.tell(genotypes, fitness)
         index = int(np.argmax(fitness))
         self.curve.append(float(fitness[index]))
@@ -154,23 +67,143 @@ class Learning:
             self.best_fitness, self.best = float(fitness[index]), np.array(genotypes[index])
 
 
-def _find_start(controller: Controller, origin: str) -> list[float]:
-    """Return the genotype at which learning begins."""
-    base = controller.initial if origin == "hint" else np.zeros(len(controller.parameters))
-    return np.clip(base, controller.lower, controller.upper).tolist() if len(base) else []
+class Learner:
+    """Lets bodies learn, chunks of them side by side.
+
+    Attributes:
+        results: what each body knew at the end of each level, by body and level, in the order of learning.
+        due: trials of the assignments that are being learned.
+    """
+
+    def __init__(self, config: BodyEvolutionConfig) -> None:
+        self._config = config
+        self.results: dict[tuple[str, int], LevelResult] = {}
+        self.due = 0
+        self._told: dict[str, list[np.ndarray]] = {}  # Fitness of each generation of each body
+
+    def learn(self, assignments: Sequence[Assignment], tries: Try) -> list[LevelResult]:
+        """Let each body learn to the end of its level, where it has not yet, and return what it knows then."""
+        missing: dict[str, Assignment] = {}
+        for each in assignments:
+            key = each.body.canonical_text
+            if (key, each.level) not in self.results:
+                missing[key] = max(missing.get(key, each), each, key=lambda one: one.level)
+        self.due = sum(
+            self._config.learning.count_trials(level)
+            for key, each in missing.items()
+            for level in range(each.level + 1)
+            if (key, level) not in self.results
+        )
+        waiting = list(missing.values())
+        for first in range(0, len(waiting), MAX_ENVIRONMENTS):
+            self._teach(waiting[first : first + MAX_ENVIRONMENTS], tries)
+        return [self.results[each.body.canonical_text, each.level] for each in assignments]
+
+    def _teach(self, chunk: Sequence[Assignment], tries: Try) -> None:
+        """Let some bodies learn side by side, a generation of each at a time."""
+        learnings = {each.body.canonical_text: self._continue(each.body) for each in chunk}
+        goals = {each.body.canonical_text: each.level for each in chunk}
+        for level, end in enumerate(self._config.learning.levels):
+            current = [
+                learning
+                for key, learning in learnings.items()
+                if level <= goals[key] and (key, level) not in self.results
+            ]
+            if not current:
+                continue
+            while waiting := [learning for learning in current if len(learning.curve) < end]:
+                self._step(waiting, tries)
+            exams: Sequence[Entry | None] = [None] * len(current)
+            if self._config.learning.has_exam(level):
+                exams = self._try(current, [each.best[None] for each in current], EXAM, level, tries)
+            for learning, exam in zip(current, exams, strict=True):
+                result = _sum_up(learning, level, exam)
+                self.results[learning.body.canonical_text, level] = result
+                learning.seconds = 0.0
+
+    def _continue(self, body: BodyGenome) -> Learning:
+        """Return the learning of a body as it stands after its last level."""
+        learning = Learning(body, self._config)
+        for fitness in self._told.get(body.canonical_text, ()):
+            learning.tell(learning.ask(), fitness)
+        return learning
+
+    def _step(self, learnings: Sequence[Learning], tries: Try) -> None:
+        """Try a generation of each; all of them have come equally far, or begin."""
+        asked = [learning.ask() for learning in learnings]
+        entries = iter(self._try(learnings, asked, SAMPLE, None, tries))
+        for learning, genotypes in zip(learnings, asked, strict=True):
+            own = [next(entries) for _ in genotypes]
+            fitness = np.array([entry.fitness for entry in own])
+            learning.tell(genotypes, fitness)
+            learning.seconds += sum(entry.outcome.seconds for entry in own)
+            self._told.setdefault(learning.body.canonical_text, []).append(fitness)
+
+    def _try(
+        self,
+        learnings: Sequence[Learning],
+        asked: Sequence[Float[np.ndarray, "P G"]],
+        kind: int,
+        level: int | None,
+        tries: Try,
+    ) -> list[Entry]:
+        """Try genotypes of several bodies under conditions of an exam's level, or of each body's own generation."""
+        rules, attempts = self._config.learning, []
+        for learning, genotypes in zip(learnings, asked, strict=True):
+            index = len(learning.curve) if level is None else level
+            count = rules.exam_trials if kind == EXAM else rules.trials
+            trials = self._config.make_trials(learning.body, count, (kind, index))
+            text = learning.body.text
+            attempts += [Attempt(kind, index, Job(genes, trials), text) for genes in genotypes]
+        return tries(attempts)
 
 
-def _make_space(controller: Controller, start: Float[np.ndarray, " G"]) -> Space:
-    return Space(
-        names=controller.parameters,
-        lower=controller.lower,
-        upper=controller.upper,
-        initial=tuple(np.asarray(start).tolist()),
-        spread=(1.0,) * len(controller.parameters),
+def _sum_up(learning: Learning, level: int, exam: Entry | None) -> LevelResult:
+    """Return what a body has learned at the end of a level."""
+    outcome = exam and exam.outcome
+    return LevelResult(
+        body=learning.body,
+        level=level,
+        fitness=exam.fitness if exam else learning.best_fitness,
+        successes=outcome.successes if outcome else 0,
+        trials=outcome.trials if outcome else 0,
+        effort=outcome.effort if outcome else 0.0,
+        genotype=tuple(learning.best.tolist()),
+        names=learning.names,
+        curve=tuple(learning.curve),
+        seconds=learning.seconds + (outcome.seconds if outcome else 0.0),
     )
 
 
-def _derive_seed(body: BodyGenome, seed: int) -> int:
-    """Return a seed of its own for a body."""
-    digest = hashlib.sha256(f"{seed};{body.canonical_text}".encode()).digest()
-    return int.from_bytes(digest[:4], "little")
+class BodySearch:
+    """The search for bodies that learn, an iteration at a time."""
+
+    def __init__(self, config: BodyEvolutionConfig) -> None:
+        self._config, self._algorithm, self._learner = config, make_algorithm(config), Learner(config)
+
+    @property
+    def due(self) -> int:
+        """Trials of the iteration that is running."""
+        return self._learner.due
+
+    def step(self, generation: int, tries: Try) -> dict[str, float]:
+        """Ask for bodies and let them learn; return columns of the history, nothing where no body is left."""
+        assignments = self._algorithm.ask()
+        if not assignments:
+            return {}
+        results = self._learner.learn(assignments, tries)
+        self._algorithm.tell(results)
+        last = self._config.learning.last
+        complete = [each.fitness for each in self._learner.results.values() if each.level == last]
+        return {
+            "population_size": len({each.body.canonical_text for each in results}),
+            "restarts": 0,
+            "best": max(complete, default=-inf),
+            "median": float(np.median([each.fitness for each in results])),
+            "sigma": 0.0,
+            "validated": 0,
+        }
+
+    def make_run(self, record: Record, folder: Path | None) -> BodyRun:
+        """Return the state of the run."""
+        return make_body_run(self._config, record, tuple(self._learner.results.values()), folder)

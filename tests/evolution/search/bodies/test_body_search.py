@@ -1,84 +1,68 @@
 """Searches for bodies on a made landscape: what is learned, resuming to the bit, and what is refused."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 
+import made_bodies
 import numpy as np
 import pytest
+from histories import without_times
 
 import evolution as ev
-from evolution._src.backends.outcome import Outcome
-from evolution._src.backends.trials import Job
+from evolution._src.controllers.oscillators import TWIST_GENES
 from evolution._src.errors import RunError
-from evolution._src.search.bodies.config import ALGORITHMS, BodiesConfig, BodyEvolutionConfig
-from evolution._src.search.bodies.genome import enumerate_bodies, genome_of, parse_genome
-from evolution._src.search.bodies.learning import LearningConfig
-from evolution._src.search.bodies.loop import evolve_bodies, load_bodies, resume_bodies
-from evolution._src.search.bodies.record import BodyRecord
-from evolution._src.search.loop import load_run
+from evolution._src.report.body_page import make_body_page
+from evolution._src.search.bodies.config import ALGORITHMS
+from evolution._src.search.bodies.genome import enumerate_bodies, parse_genome
+from evolution._src.search.loop import evolve, load_run, resume
 
-BEST = "b(b(.)m(.))"
+BEST = parse_genome("b(b(.)m(.))")
 """The best body of the made landscape."""
-LEARNING = LearningConfig(population_size=4, levels=(1, 2, 4), exam_trials=2)
-BODIES = BodiesConfig(algorithm="surrogate", largest=6, children=6, population_size=6)
+LEARNING = ev.LearningConfig(population_size=4, levels=(1, 2, 4), exam_trials=2)
+BODIES = ev.BodiesConfig(algorithm="surrogate", largest=6, children=6, population_size=6)
+FILES = ("record.npz", "bodies.csv", "champion.json")
 
 
-def landscape(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+def landscape(jobs, threads):
     """Progress: how many modules are those of the best body, less the distance of the genes from 0.3."""
-    wanted = _list_places(parse_genome(BEST))
+    wanted = _list_places(BEST.to_organism())
     outcomes = []
     for job in jobs:
-        places = _list_places(genome_of(job.trials.find_organism()))
+        places = _list_places(job.trials.find_organism())
         likeness = len(places & wanted) / len(places | wanted)
-        distance = float(np.abs(job.genotype - 0.3).mean())
         luck = np.random.default_rng([*job.trials.seed, len(places)]).normal(0.0, 0.01)
-        progress = likeness - 0.1 * distance + luck
-        outcomes.append(Outcome(progress, 0.1, (progress > 0.9,) * job.trials.count, seconds=1.0))
+        progress = likeness - 0.1 * float(np.abs(job.genotype - 0.3).mean()) + luck
+        outcomes.append(ev.Outcome(progress, 0.1, (progress > 0.9,) * job.trials.count, seconds=1.0))
     return outcomes
 
 
-def _list_places(genome):
-    return set(genome.develop().find_paths())
+def _list_places(organism):
+    return {(round(pose.x, 3), round(pose.y, 3)) for pose in organism.compute_poses()}
 
 
 def make_config(**changes):
-    values = {
-        "arena": "gsrm",
-        "track_control": "skid",
-        "bodies": BODIES,
-        "learning": LEARNING,
-        "iterations": 8,
-    }
-    return BodyEvolutionConfig(**values | changes)
+    values = {"track_control": "skid", "bodies": BODIES, "learning": LEARNING, "iterations": 5}
+    return ev.BodyEvolutionConfig(**values | changes)
 
 
-def find_bytes(run):
-    return run.record.to_bytes(run.config.digest())
+def summarize(run):
+    return run.results, run.champion, without_times(run.history)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return evolve(make_config(folder=tmp_path_factory.mktemp("whole")), simulate=landscape)
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
-    config = make_config(bodies=replace(BODIES, algorithm=algorithm), iterations=3)
-    first, second = (evolve_bodies(config, simulate=landscape) for _ in range(2))
-    assert (find_bytes(first), first.history) == (find_bytes(second), second.history)
-    other = evolve_bodies(replace(config, seed=1), simulate=landscape)
-    assert find_bytes(other) != find_bytes(first)
+    config = make_config(bodies=replace(BODIES, algorithm=algorithm), iterations=2)
+    first, second = (evolve(config, simulate=landscape) for _ in range(2))
+    assert summarize(first) == summarize(second)
+    assert summarize(evolve(replace(config, seed=1), simulate=landscape)) != summarize(first)
 
 
-def test_a_resumed_run_equals_one_that_never_stopped(tmp_path):
-    bodies = BODIES
-    whole = evolve_bodies(make_config(folder=tmp_path / "whole", bodies=bodies), simulate=landscape)
-    evolve_bodies(make_config(folder=tmp_path / "parts", iterations=3, bodies=bodies), simulate=landscape)
-    resumed = resume_bodies(tmp_path / "parts", iterations=8, simulate=landscape)
-    assert resumed.history == whole.history
-    for name in ("record.json", "bodies.csv", "champion.json"):
-        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
-    loaded = load_bodies(tmp_path / "parts")
-    assert (loaded.history, find_bytes(loaded)) == (whole.history, find_bytes(whole))
-
-
-def test_a_kill_within_an_iteration_loses_only_that(tmp_path):
+def test_a_resumed_run_equals_one_that_never_stopped_also_after_a_kill(whole, tmp_path):
     count = 0
 
     def dying(jobs, threads):
@@ -89,149 +73,121 @@ def test_a_kill_within_an_iteration_loses_only_that(tmp_path):
         return landscape(jobs, threads)
 
     with pytest.raises(KeyboardInterrupt):
-        evolve_bodies(make_config(folder=tmp_path / "killed"), simulate=dying)
-    assert load_bodies(tmp_path / "killed").record.num_results > 0
-    resumed = resume_bodies(tmp_path / "killed", simulate=landscape)
-    assert find_bytes(resumed) == find_bytes(evolve_bodies(make_config(), simulate=landscape))
+        evolve(make_config(folder=tmp_path), simulate=dying)
+    assert 0 < len(load_run(tmp_path).history) < 5
+    assert summarize(ev.resume_bodies(tmp_path, simulate=landscape, workers=3)) == summarize(whole)
+    assert summarize(ev.load_bodies(tmp_path)) == summarize(load_run(whole.folder)) == summarize(whole)
+    assert (tmp_path / "bodies.csv").read_bytes() == (whole.folder / "bodies.csv").read_bytes()
+    assert ev.load_champion(tmp_path) == whole.champion
+
+
+def test_the_champion_is_the_fittest_body(whole):
+    assert whole.champion.organism == whole.best.body.to_organism()
+    assert whole.champion.fitness == whole.history["best"][-1] == whole.best.fitness
 
 
 def test_exhaustive_search_tries_every_body_once_and_ends():
-    bodies = BodiesConfig(algorithm="exhaustive", smallest=2, largest=4, children=10)
-    run = evolve_bodies(make_config(bodies=bodies, iterations=100), simulate=landscape)
-    tried = [result.body.text for result in run.record.results if result.level == 2]
+    bodies = ev.BodiesConfig(algorithm="exhaustive", smallest=2, largest=4, children=10)
+    run = evolve(make_config(bodies=bodies, iterations=100), simulate=landscape)
+    tried = [result.body.text for result in run.results if result.level == 2]
     assert sorted(tried) == sorted(body.text for count in (2, 3, 4) for body in enumerate_bodies(count))
     assert len(run.history) == 4
 
 
 def test_what_a_body_learns_depends_on_no_other():
-    alone = make_config(bodies=BodiesConfig(algorithm="exhaustive", smallest=3, largest=3, children=1))
-    together = make_config(bodies=BodiesConfig(algorithm="exhaustive", smallest=1, largest=3, children=99))
-    first, second = (evolve_bodies(config, simulate=landscape).record for config in (alone, together))
-    for result in first.results:
-        assert second.find(result.body.canonical_text, result.level) == result
+    alone, together = (
+        ev.BodiesConfig(algorithm="exhaustive", smallest=smallest, largest=3, children=99)
+        for smallest in (3, 1)
+    )
+    first, second = (
+        evolve(make_config(bodies=bodies), simulate=landscape).results for bodies in (alone, together)
+    )
+    assert set(first) < set(second)
 
 
 def test_as_many_learn_on_as_make_all_levels_cost_the_same():
     assert [LEARNING.count_trials(level) for level in range(3)] == [1 + 2, 4 + 2, 2 * 4 + 2]
-    assert [LEARNING.compute_promoted_share(level) for level in range(2)] == [0.5, 0.6]
     cheap = replace(LEARNING, levels=(1, 4), is_examined_early=False)
     assert [cheap.count_trials(level) for level in range(2)] == [1, 3 * 4 + 2]
-    config = make_config(iterations=20, learning=cheap, bodies=replace(BODIES, smallest=6))
-    run = evolve_bodies(config, simulate=landscape)
-    counts = [sum(result.level == level for result in run.record.results) for level in range(2)]
-    assert 14 * (counts[1] - 2) <= counts[0] <= 14 * counts[1]
+    config = make_config(iterations=8, learning=cheap, bodies=replace(BODIES, smallest=6))
+    run = evolve(config, simulate=landscape)
+    counts = [sum(result.level == level for result in run.results) for level in range(2)]
+    assert 14 * (counts[1] - 2) <= counts[0] <= 14 * counts[1] + BODIES.children
+    assert {result.trials for result in run.results if result.level == 0} == {0}
 
 
-def test_the_fitness_of_a_body_is_that_of_its_exam():
+def test_the_fitness_of_a_body_is_that_of_its_exam(whole):
     """The best sample of learning is flattered by its luck; the exam has other conditions."""
-    run = evolve_bodies(make_config(), simulate=landscape)
-    flattery = [max(result.curve) - result.fitness for result in run.record.results]
-    assert np.mean(flattery) != 0.0
-    assert all(result.trials == LEARNING.exam_trials for result in run.record.results)
+    assert np.mean([max(result.curve) - result.fitness for result in whole.results]) != 0.0
+    assert all(result.trials == LEARNING.exam_trials for result in whole.results)
 
 
-def test_mirror_images_are_one_body():
-    one, other = parse_genome("l(b(.))"), parse_genome("r(b(.))")
-    assert one.canonical_text == other.canonical_text
+def test_progress_counts_the_trials_of_an_iteration_and_of_a_resumed_run_begins_where_it_stands(tmp_path):
+    evolve(make_config(folder=tmp_path, iterations=2), simulate=landscape)
+    told = []
+    resume(tmp_path, iterations=4, simulate=landscape, progress=lambda *each: told.append(each))
+    assert told[0][0].startswith("iteration 3 of 4: ")
+    assert told[-1] == ("iteration 4 of 4", 1.0)
+    shares = [share for _, share in told]
+    assert shares[0] > 0.5
+    assert shares == sorted(shares)
 
 
-def test_the_champion_is_a_champion_as_of_any_run(tmp_path):
-    run = evolve_bodies(make_config(folder=tmp_path / "run"), simulate=landscape)
-    champion = ev.load_champion(tmp_path / "run")
-    assert champion == run.champion
-    assert champion.find_organism().num_modules == run.best.body.num_modules
-
-
-def test_a_record_of_another_configuration_is_refused(tmp_path):
-    evolve_bodies(make_config(folder=tmp_path / "run", iterations=1), simulate=landscape)
-    path = tmp_path / "run" / "config.json"
-    content = json.loads(path.read_text())
-    content["config"]["seed"] = 7
-    path.write_text(json.dumps(content))
-    with pytest.raises(RunError, match="another configuration"):
-        resume_bodies(tmp_path / "run", simulate=landscape)
-
-
-@pytest.mark.parametrize("content", [b"", b"{}", b'{"format": "symbrion bodies 9"}', b"[1]", b"\x00\xff"])
-def test_a_damaged_record_is_refused(content):
-    with pytest.raises(RunError, match=r"damaged|has format"):
-        BodyRecord.from_bytes(content, "digest", "record.json")
-
-
-def test_folders_are_refused_in_one_line(tmp_path):
+def test_folders_of_other_runs_are_refused_in_one_line(whole, tmp_path):
     with pytest.raises(RunError, match="contains no run"):
-        resume_bodies(tmp_path / "nothing", simulate=landscape)
+        ev.resume_bodies(tmp_path / "nothing", simulate=landscape)
     assert not (tmp_path / "nothing").exists()
-    (tmp_path / "notes").mkdir()
-    (tmp_path / "notes" / "record.json").write_text("mine")
-    with pytest.raises(RunError, match=r"contains record\.json"):
-        evolve_bodies(make_config(folder=tmp_path / "notes"), simulate=landscape)
-    assert (tmp_path / "notes" / "record.json").read_text() == "mine"
+    evolve(ev.EvolutionConfig(generations=0, folder=tmp_path / "other"), simulate=landscape)
+    with pytest.raises(RunError, match="contains no search for bodies"):
+        ev.load_bodies(tmp_path / "other")
     with pytest.raises(RunError, match="cannot change"):
-        resume_bodies(tmp_path / "notes", seed=3)
+        resume(whole.folder, seed=3)
+    content = json.loads((whole.folder / "config.json").read_text())
+    content["config"]["seed"] = 7
+    (tmp_path / "other" / "config.json").write_text(json.dumps(content))
+    with pytest.raises(RunError, match="another configuration"):
+        resume(tmp_path / "other", simulate=landscape)
 
 
 def test_a_task_that_the_arena_does_not_have_leaves_no_folder(tmp_path):
-    folder = tmp_path / "run"
-    config = BodyEvolutionConfig(arena="truth", task="dock", track_control="skid", folder=str(folder))
+    config = make_config(arena="truth", task="dock", folder=tmp_path / "run")
     with pytest.raises(RunError, match="cannot be made: no objects 'station'"):
-        evolve_bodies(config)
-    assert not folder.exists()
+        evolve(config)
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("make", "change", "message"),
     [
-        ({"modules": 5}, "modules is given, and bodies are searched"),
-        ({"track_control": "constant"}, "bodies of 1 module have no hinge"),
-        ({"smallest": 5}, "smallest"),
-        ({"arena": 3}, "arena is int"),
+        (make_config, {"modules": 5}, "modules is given, and bodies are searched"),
+        (make_config, {"track_control": "constant"}, "a body of 1 module has no hinge"),
+        (make_config, {"arena": 3}, "arena is int"),
+        (make_config, {"backend": "warp"}, "backend"),
+        (ev.BodiesConfig, {"algorithm": "luck"}, "luck"),
+        (ev.BodiesConfig, {"smallest": 5, "largest": 2}, "got 5 and 2"),
+        (ev.BodiesConfig, {"dofs": 3}, "dofs"),
+        (ev.LearningConfig, {"levels": ()}, "levels is"),
+        (ev.LearningConfig, {"levels": (0, 1)}, "levels is"),
+        (ev.LearningConfig, {"levels": (3, 3)}, "levels is"),
     ],
 )
-def test_configurations_that_cannot_be_are_refused(change, message):
+def test_configurations_that_cannot_be_are_refused(make, change, message):
     with pytest.raises(RunError, match=message):
-        make_config(**change)
+        make(**change)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [({"algorithm": "luck"}, "luck"), ({"smallest": 5, "largest": 2}, "got 5 and 2")],
-)
-def test_bodies_that_cannot_be_are_refused(change, message):
-    with pytest.raises(RunError, match=message):
-        BodiesConfig(**change)
-
-
-@pytest.mark.parametrize("levels", [(), (0, 1), (3, 3), (4, 2)])
-def test_levels_rise(levels):
-    with pytest.raises(RunError, match="levels is"):
-        LearningConfig(levels=levels)
-
-
-def test_a_run_that_has_ended_says_so_when_it_is_resumed(tmp_path, caplog):
-    evolve_bodies(make_config(iterations=1, folder=str(tmp_path / "run")), simulate=landscape)
-    again = resume_bodies(tmp_path / "run", simulate=landscape)
-    assert len(again.history) == 1
-    assert "nothing more is tried, as the run has reached iterations=1" in caplog.text
-
-
-def test_a_search_for_bodies_is_no_other_run(tmp_path):
-    evolve_bodies(make_config(iterations=1, folder=str(tmp_path / "run")), simulate=landscape)
-    with pytest.raises(RunError, match="contains a search for bodies; read it by"):
-        load_run(tmp_path / "run")
-
-
-def test_progress_of_a_resumed_run_begins_where_it_stands(tmp_path):
-    config = make_config(folder=tmp_path / "run", iterations=2)
-    evolve_bodies(config, simulate=landscape)
-    told = []
-    resume_bodies(
-        tmp_path / "run",
-        iterations=4,
-        simulate=landscape,
-        progress=lambda text, share: told.append((text, share)),
-    )
-    assert told[0] == ("iteration 3 of 4", 0.5)
-    assert told[-1] == ("iteration 4 of 4", 1.0)
-    shares = [share for _, share in told]
-    assert shares == sorted(shares)
+def test_bodies_of_twelve_modules_with_two_joints_each_go_from_search_to_page(tmp_path):
+    bodies = ev.BodiesConfig(largest=12, dofs=2, children=4, population_size=6)
+    learning = ev.LearningConfig(population_size=4, levels=(1, 2), exam_trials=1)
+    config = make_config(bodies=bodies, learning=learning, iterations=3, folder=tmp_path / "run")
+    run = evolve(config, simulate=made_bodies.simulate)
+    assert max(result.body.num_modules for result in run.results) > 8
+    for result in run.results:
+        twists = {name.rsplit("_", 1)[0] for name in result.names if name.startswith("twist_")}
+        assert twists == (set(TWIST_GENES) if result.body.num_modules > 1 else set())
+        assert "track_steering" in result.names
+    champion = ev.load_champion(tmp_path / "run")
+    assert champion == run.champion
+    assert champion.find_organism().scout.dofs == 2
+    make_body_page(run).write(tmp_path / "bodies.html")
+    assert run.best.body.to_plan() in (tmp_path / "bodies.html").read_text()
