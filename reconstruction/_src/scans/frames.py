@@ -22,8 +22,7 @@ UP_AXES = {
 }
 """Axis of the file that points up -> rows: our x, y, z in the file's coordinates. All are rotations. y: as glTF files
 are; -y: a camera that looks along z, with y down."""
-_SIZES = 0.1, 1000.0
-"""Longest side of a robot's scene [m]: a side outside is mostly a file in another unit, or one with stray points."""
+_SIZES = 0.1, 1000.0  # Longest side of a robot's scene [m]; others mostly are in another unit
 _MAX_DISTANCE = 1000.0
 """A cloud whose middle (median) is farther from the origin than this, and than its own longest side, is moved
 to it [m]: MuJoCo and most mesh formats keep single precision, which at 1 km is a hundred times finer than a good

@@ -11,35 +11,27 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import rotate_about
 from reconstruction._src.scans.scan import ScanLog
 
-_NEIGHBOR_VOTE = 0.5
-"""Weight of the bins on both sides in the votes for a declination: a floor between two bins is found as well."""
-_REFINEMENTS = (2.0, 1.0, 1.0, 1.0)
-"""Widths of Tukey's weights in the refinement, in tolerances: wide first, as the vote is uncertain by a bin."""
-_MIN_WEIGHT = 1e-3
-"""Least sum of squared distances [m^2] that a declination is refined by: one reading at 3 cm."""
+_NEIGHBOR_VOTE = 0.5  # Weight of the bins on both sides in a vote: a floor between two bins is found as well
+_REFINEMENTS = 2.0, 1.0, 1.0, 1.0  # Widths of Tukey's weights in tolerances: the vote is uncertain by a bin
+_MIN_WEIGHT = 1e-3  # Least sum of squared distances [m^2] to refine a declination by: a reading at 3 cm
 _TINY = 1e-12
 _SHAKES = 5.5  # Tilts up to this many standard deviations of the sway are looked for
 _TILTS = (float(np.radians(2.0)), float(np.radians(8.0)))
 """Smallest and largest limit of the tilt [rad]: a standing robot may lean on its floor; ramps are steeper."""
 _UNKNOWN_TILT = float(np.radians(4.0))  # Limit of the tilt in logs of few scans [rad]
 _SAMPLE = 400  # About as many scans tell how much a robot sways
-_NOISES, _LEAST_TOLERANCE = 3.0, 0.01
-"""Readings off the line of the floor by this many standard deviations of the noise count, and by 1 cm [m]."""
+_NOISES, _LEAST_TOLERANCE = 3.0, 0.01  # A reading of the floor is off by so many sigmas, or this [m]
 
 
 _NUM_BINS = 40  # Bins of declination between -max_tilt and max_tilt that readings vote for: 0.2 degrees each
-_MIN_DISTANCE = 0.2
-"""Readings nearer than this to the robot's foot do not vote [m]: their direction is uncertain."""
+_MIN_DISTANCE = 0.2  # Readings nearer to the robot's foot do not vote [m]: their direction is uncertain
 _FULL_WEIGHT_DISTANCE = 1.0  # A vote's weight grows with the distance from the foot up to this one [m]
 _HEIGHT_BIN = 0.02  # Bins of height [m] that the floor is found in, where a log has no `mount`
-_HEIGHT_SHARE = 0.5
-"""The floor is the lowest bin that holds at least this share of the readings in the fullest bin."""
+_HEIGHT_SHARE = 0.5  # The floor is the lowest bin with at least this share of the readings of the fullest
 
 
-_MAX_SLOPE = 0.3
-"""A scan plane is vertical where the vertical component of its normal is less than this."""
-_TOLERANCE = 0.03
-"""Largest distance of a reading from the line of the floor [m]: three times a common scanner's noise beyond 3 m."""
+_MAX_SLOPE = 0.3  # A scan plane is vertical where its normal rises by less than this
+_TOLERANCE = 0.03  # Largest distance of a reading from the floor [m]: three sigmas of a common scanner
 LEAST_SCANS = 100
 """Logs of fewer scans tell nothing about noise."""
 UNKNOWN_SHAKE = float(np.radians(1.0))  # Sway where nothing is known [rad]

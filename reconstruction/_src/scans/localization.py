@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
 _LEAST_SHAKE = 1e-5  # A robot that does not sway keeps the weights finite [rad]
 _MATCH_ERROR = 0.001  # Standard deviation of the position of a scan matched to the final map [m]
-_MIN_HEIGHT = 0.1
-"""A horizontal scanner below this height [m] shows no pitch: its sway is less than the error of matching."""
+_MIN_HEIGHT = 0.1  # A scanner below this height [m] shows no pitch: it sways less than matching errs
 _MAX_PITCH = 0.1  # Largest sine of the pitch: more is a wrong match
 
 _PLANAR = [3, 4, 2]  # x, y and the turn about z among the six parameters of a match (turns first)
@@ -49,47 +48,30 @@ _NUM_ROUNDS = 8  # Times that the map is made again from the matched scans; its 
 _KEY_DISTANCE = 0.4  # A scan becomes part of the map where the robot has gone on by this [m] ..
 _KEY_ANGLE = 0.35  # ... or has turned by this [rad].
 _MAX_KEYS = 400  # Scans that the final map is made of, about: more take longer and change little
-_FIRST_REACH = 0.15
-"""Largest distance of a reading from its wall in the first pass [m]: the error of the odometry between two
-scans and of the map so far."""
+_FIRST_REACH = 0.15  # Reach of a reading to its wall in the first pass [m]: the error of the odometry
 _REACH = 0.06  # The same in later passes, where poses are good to centimeters [m]
 _MAP_CELL = 0.03  # Edge of the cells in which the readings of the map are averaged [m]
 _LINE_REACH = 0.15  # Points of the map within this distance [m] make a line
 _LINE_POINTS = 12  # Points that make a line
-_MAX_FLATNESS = 0.05
-"""Points are on a line where their variance across it is less than this share of that along it."""
+_MAX_FLATNESS = 0.05  # Points are on a line with less variance across it than this share of that along it
 _MIN_LINE_READINGS = 3  # Readings that a line has at least
 _MIN_MAP_POINTS = 20  # A map of fewer points is not used
 _LAYER_HEIGHT = 0.04  # The map has three layers, this far apart [m], so that a wall is a plane in 3-D as well
 _NORMAL_POINTS = 15  # Points that the normal of the map's planes is found from
-_READING_NOISE = 0.05
-"""Standard deviation of a reading in a match [m]: more than its noise, as the errors of neighbors are
-correlated."""
-_GUESS_INFORMATION = np.diag([0.01**-2, 0.01**-2, 0.02**-2])
-"""Inverse covariance of the pose a match starts from, 0.01 m and 0.02 rad; it holds where walls in view leave a
-direction open."""
+_READING_NOISE = 0.05  # Of a reading in a match [m]: errors of neighbors are correlated
+_GUESS_INFORMATION = np.diag([1e4, 1e4, 2500.0])  # Inverse covariance of a guess: 0.01 m and 0.02 rad
 _MAX_ITERATIONS = 15  # Largest number of iterations of a match
 _TRANSLATION_TOLERANCE = 0.0001  # A match has converged where it moves the scan by less than this [m] ..
 _ROTATION_TOLERANCE = 1e-05  # ... and turns it by less than this [rad].
 
-_UNKNOWN_SLIP = 0.01
-"""Error of the wheels after one meter where nothing is known [m]: tracks on carpet or gravel; wheels on a hard floor
-slip less, and are trusted too little then."""
-_LAGS = (5, 10, 20, 40)
-"""Scans between the poses whose differences are compared: beyond the memory of the sway, and short enough that there
-are many."""
-_MIN_VARIANCE = 1e-10
-"""Of a step [m^2]: where the robot stands still, its wheels err by 0.01 mm, which keeps the weights finite."""
-_MIN_SQUARED_WAY = 1e-6
-"""Least sum of squared ways [m^2] that a scale is found from: a robot that stands still has none."""
-_YAW_NOISE = 0.0006
-"""Standard deviation of the matched yaw [rad], in a room of 10 m; smaller ones trust the matches more."""
+_UNKNOWN_SLIP = 0.01  # Of wheels after 1 m where nothing is known [m]: tracks on carpet or gravel
+_LAGS = (5, 10, 20, 40)  # Scans between compared poses: beyond the memory of the sway
+_MIN_VARIANCE = 1e-10  # Of a step [m^2]: wheels that stand err by 0.01 mm, which keeps the weights finite
+_MIN_SQUARED_WAY = 1e-6  # Least sum of squared ways [m^2] that tells a scale: a robot that stands has none
+_YAW_NOISE = 0.0006  # Standard deviation of the matched yaw [rad], in a room of 10 m
 _TURN_WAY = 0.2  # Way [m] that a turn of one radian counts as: the radius that the wheels turn on
-_CALIBRATION_WINDOW = 20
-"""Scans between the poses whose distances are compared to calibrate the wheels: many, as matched and counted
-ways differ by the sway over a few."""
-_MAX_SCALE_ERROR = 0.2
-"""A scale that differs from 1 by more than this is not used: something else is wrong then."""
+_CALIBRATION_WINDOW = 20  # Scans between poses that calibrate the wheels: fewer differ by the sway
+_MAX_SCALE_ERROR = 0.2  # A scale farther from 1 is not used: something else is wrong then
 
 
 def localize(log: ScanLog, progress: Progress = silent, *, priors: NoisePriors | None = None) -> ScanLog:

@@ -16,31 +16,23 @@ from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 from reconstruction._src.scans.scan import ScanLog
 from reconstruction._src.scans.selection import find_flat
 
-_STEP = 0.10
-"""Two steps of more than this [m], of the same sign, make a veil point. 10 cm is nine times the largest noise
-of the scanner (10.7 mm at 3 to 6 m)."""
+_STEP = 0.10  # Two such steps of one sign make a veil point [m]: nine times the noise of a SICK LMS 200
 _STEP_SPACING = float(np.radians(0.5))
 """Beams at most this far apart [rad] have such steps; for coarser scanners the step grows in proportion, as that of
 a surface at an angle does. Half a degree is the SICK LMS 200."""
 _SAME_SPACING = 1.01  # Spacings that differ by less are the same: angles come with rounding errors
 _JUMP = 0.03  # Height of the lowest edge, at range 0 [m]: several times the noise of a step
 _JUMP_PER_METER = 0.003  # Growth of that height with the range. 0.003 finds a ledge of 4 cm at 3 m.
-_MAX_SHARE = 0.02
-"""Largest share of the valid readings that may go because of jumps and clutter; veil points go in any case."""
+_MAX_SHARE = 0.02  # Largest share of the valid readings that may go by jumps and clutter
 _CLUTTER_WINDOW = 9  # Beams of the window in which mixed readings are counted
-_CLUTTER_COUNT = 4
-"""A window with this many mixed readings is clutter, its middle counts as mixed: two jumps (four readings)
-within nine beams are an edge along the scan plane."""
-_CLUTTER_HEIGHT = 1e-3
-"""What a reading in clutter counts [m], compared with the heights of jumps, where `_MAX_SHARE` leaves room for
-some only: less than any jump."""
+_CLUTTER_COUNT = 4  # A window with as many is clutter: two jumps within nine beams are an edge along the scan
+_CLUTTER_HEIGHT = 1e-3  # What a reading in clutter counts [m] where not all may go: less than any jump
 _MAX_GAP = 0.10
 """A mixed reading stays where no other is left within this [m], and it lies with its neighbors on a surface
 (`select_needed_beams`): walls far away, or at a low angle, step as edges do. As `_STEP`: what is read less densely
 has such steps on any slanted surface."""
 _FLAT_NEIGHBORS = 10  # Neighbors that show whether it lies on one
-_FLATNESS = 0.1
-"""Their least variance over the largest, below which they do; noise of 2 cm at gaps of 10 cm gives 0.05."""
+_FLATNESS = 0.1  # Their least variance over the largest; noise of 2 cm at gaps of 10 cm gives 0.05
 _MIN_COSINE = 0.05
 """Least cosine between the beam and the normal of that plane. A veil along a straight edge lies in the beams:
 0. 0.05 are 3 degrees, a floor 1 m below the sensor 20 m away."""

@@ -19,10 +19,16 @@ from reconstruction._src.scans.frames import RawPoints, as_colors, is_plausible_
 
 _NEEDED = ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA")
 _MIN_NUMBER_BYTES = 2  # A number in text takes a digit and a blank, at least
-_UNKNOWN_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-"""Position and quaternion (w, x, y, z) that stand in a file whose writer does not know better."""
-_COLOR_FIELDS = ("rgb", "rgba")
-"""Names of the field that holds a color as the four bytes of a number, 0xRRGGBB, whatever its type says."""
+_UNKNOWN_VIEWPOINT = [
+    0.0,
+    0.0,
+    0.0,
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+]  # Position and quaternion of a writer that knows none
+_COLOR_FIELDS = ("rgb", "rgba")  # Fields with a color as the four bytes of a number, 0xRRGGBB
 _TYPES = {("F", 4), ("F", 8), *((kind, size) for kind in "IU" for size in (1, 2, 4, 8))}
 
 

@@ -32,8 +32,7 @@ _CODES = {
 }
 _TYPES = {name: code for names, code in _CODES.items() for name in names.split()}
 """Type in a header -> its code in `struct` and NumPy."""
-_MAX_VALUES = 10_000_000
-"""Values and lists that are read from binary rows with lists, one after the other: one to three seconds a million."""
+_MAX_VALUES = 10_000_000  # Values of rows with lists, read one after the other: 1 to 3 s a million
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 

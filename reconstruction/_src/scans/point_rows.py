@@ -19,15 +19,11 @@ FLATNESS = 1e-6
 above the rounding errors of single precision."""
 _MIN_POINTS = 4  # A tetrahedron: fewer points span no closed surface
 _MAX_COORDINATE = 1e100  # No length; and products of three larger coordinates overflow
-_SAME_PLACE = 1e-12
-"""Extent of a cloud over its coordinates, below which rounding errors are all there is of it."""
+_SAME_PLACE = 1e-12  # Extent over coordinates below which rounding errors are all there is of a cloud
 
 
 def check_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
-    """Return the points as a contiguous float64 array.
-
-    Any real number type in any memory order is accepted.
-    """
+    """Return points of any real number type in any memory order as a contiguous float64 array."""
     try:
         array = np.asarray(points)
         if array.dtype.kind not in "fiu":
@@ -88,12 +84,10 @@ def check_seed(seed: int) -> int:
 
 COLORS = ("red", "green", "blue")  # Names of the columns of a point's color
 _POINT_BYTES = 3 * np.dtype(np.float64).itemsize
-_MAX_LINE = 1 << 20
-"""Longest line of a text file and largest record of a binary one [characters, bytes]: no point has more fields."""
+_MAX_LINE = 1 << 20  # Longest line of text or binary record [characters, bytes]
 _MAX_HEADER = 1 << 20  # Longest text before binary data [bytes]: parsed, it takes many times that in memory
 _BLOCK_LINES = 50_000  # Lines that are parsed at once, where they are short: larger blocks are no faster
-_BLOCK_CHARACTERS = 1 << 22
-"""Characters that are parsed at once: as many numbers take twenty times that in memory."""
+_BLOCK_CHARACTERS = 1 << 22  # Characters parsed at once: as many numbers take twenty times that in memory
 _MAX_DIGITS = 19  # Digits of the largest 64-bit number: no file has more points
 
 

@@ -25,10 +25,8 @@ _CREASE, _CREASE_PER_METER = 0.03, 0.004
 """Least bend of a surface that ends the window of smoothing, at range 0 [m], and its growth with the range: several
 times the noise of the bend."""
 _NUM_NEIGHBORS = 8  # Readings around a reading that measure the spacing there
-_REACH = 2.0
-"""A reading is lost where no point is nearer than this many spacings: thinning and smoothing lose none."""
-_MIN_REACH = 0.01
-"""Nor is it lost where a point is nearer than this [m]: smoothing moves near readings by more than their spacing."""
+_REACH = 2.0  # A reading is lost where no point is nearer than so many spacings: thinning loses none
+_MIN_REACH = 0.01  # Nor where a point is nearer than this [m]: smoothing moves near readings by more
 _SAMPLE_SIZE = 200_000  # Larger scans are judged by about so many of their readings
 
 

@@ -15,34 +15,25 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans.cloud import Cloud
 
 _MAX_CELLS = 2.0**62  # Numbers of cells are 64-bit integers
-_POINTS_PER_CELL = 12
-"""Points that share a cell in the mean, where there are enough. With 12, where the density is even, a point's
-cell holds fewer than 3 by chance in 1 of 5,000 cases (Poisson)."""
+_POINTS_PER_CELL = 12  # In the mean: by chance a cell has fewer than 3 in 1 of 5,000 cases (Poisson)
 
 _HASH_PRIMES = np.array([73856093, 19349663, 83492791])  # Of Teschner et al. 2003
-_COUNTERS_PER_POINT = 16
-"""A cell shares its counter with another one with a probability of 1/16 at most, up to 260,000 points."""
+_COUNTERS_PER_POINT = 16  # So a cell shares its counter in 1 of 16 cases at most, up to 260,000 points
 _MIN_TABLE_BITS, _MAX_TABLE_BITS = 12, 22  # Bounds of the size of the table: 4 million counters take 32 MB
 _CELL_GROWTH = 1.5  # Factor by which the cells grow at a time; smaller is closer to `max_share`, and slower
 _MAX_GROWTH_STEPS = 24  # Most times that they grow; 24 times 1.5 is a factor of 17,000, the whole cloud
 _NUM_BISECTIONS = 8  # Steps of the search for the first cell; 8 leave it uncertain by 4 %
 _MAX_HALVINGS = 14  # The search begins between the extent of the cloud and this many halvings of it
 _SAMPLE_SIZE = 40000  # Points that the search counts, about: it bounds the time on large clouds
-_FLAT_NEIGHBORS = 10
-"""Neighbors of which a sparse point is one plane with; below 8, points in the air look flat by chance."""
+_FLAT_NEIGHBORS = 10  # Neighbors on a plane with a sparse point; fewer look flat by chance
 _FLATNESS = 0.04  # Their least variance over the largest is below this then; in the air it is 0.1 to 0.5
 _KEPT_SHARE = 0.5  # A sparse point stays, too, where more than this share of its neighbors do ..
-_MAX_LONELINESS = 1.5
-"""... and it is at most this many times farther from its neighbors than they from theirs."""
+_MAX_LONELINESS = 1.5  # ... and is at most so many times farther from its neighbors than they from theirs
 
-_NUM_CELLS = 32
-"""Most cells along the longest side of the cloud. 32: parts of a scan that are apart by more than about a
-thirtieth of it count as separate; more cells tear what a scanner sees only sparsely."""
+_NUM_CELLS = 32  # Most cells along the longest side: more tear what a scanner sees only sparsely
 _MIN_POINTS = 3  # Points of an occupied cell; fewer are a stray reading, or a glimpse through a window
 _MIN_SHARE = 0.05  # Parts with at least this share of the points are kept
-_REFINE_BELOW = 0.125
-"""Where the rest is shorter than this share of the cloud, the cells were too large for it, and the search is
-repeated inside. 1/8 is four cells of 32."""
+_REFINE_BELOW = 0.125  # Where less of the length is left, cells were too large, and it is done again
 _MAX_STEPS = 12  # Most repetitions; each divides the size by 8 at least
 
 

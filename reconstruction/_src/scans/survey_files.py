@@ -28,15 +28,12 @@ if TYPE_CHECKING:
 CHUNK = 1_000_000  # Points unpacked at once: 30 to 70 MB
 _MAGIC = b"LASF"
 _OLD_HEADER_BYTES, _HEADER_BYTES = 227, 375  # Bytes of the header of LAS 1.0 to 1.2, and of LAS 1.4
-_RECORD_BYTES, _EXTENDED_BYTES = 54, 60
-"""Bytes of the header of a variable length record, and of an extended one."""
+_RECORD_BYTES, _EXTENDED_BYTES = 54, 60  # Of the header of a variable length record, and of an extended one
 _PACKED = 0x80  # Bit of the point format that says that the points are compressed
 _NOISE_CLASSES = (7, 18)  # LAS 1.4, table 17: low point (noise), high noise
-_MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099
-"""Keys of GeoTIFF 1.0: GTModelTypeGeoKey, ProjLinearUnitsGeoKey, VerticalUnitsGeoKey."""
+_MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099  # GeoTIFF 1.0: model type, units of length, height
 _DEGREES = 2  # Value of GTModelTypeGeoKey for longitude and latitude
-_GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
-"""Values of the keys of units -> meters: meter, international foot, US survey foot."""
+_GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # Their values -> m: meter, foot, US survey foot
 _WKT_UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\["[^"]*"\s*,\s*([0-9.eE+-]+)')
 
 _POINT_BYTES = 24
@@ -96,10 +93,7 @@ def _has_colors(header: laspy.LasHeader) -> bool:
 
 
 def iterate_las(reader: laspy.LasReader) -> Iterator[tuple[int, Float[np.ndarray, "N C"]]]:
-    """Yield chunks of a file: how many points it has, and those of them that are neither withheld nor noise.
-
-    Their columns are x, y, z, and red, green, blue where the file has colors, in the numbers of the file.
-    """
+    """Yield how many points a chunk has, and x, y, z (red, green, blue) of those neither withheld nor noise."""
     names = ("x", "y", "z", *(point_rows.COLORS if _has_colors(reader.header) else ()))
     for chunk in reader.chunk_iterator(CHUNK):
         is_unusable = np.isin(np.asarray(chunk["classification"]), _NOISE_CLASSES)

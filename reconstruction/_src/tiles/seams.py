@@ -13,12 +13,10 @@ from reconstruction._src.tiles.point_stream import Place, TilesConfig
 
 _ON_BORDER = 1e-9  # A vertex this near to a border lies on it [m]
 _LEAST_SQUARE = 1e-30  # Squared length of an edge without length [m²]
-_STEEP = 4.0
-"""Where the nearest place of a curve is this many times nearer than the one straight above or below, it counts: beyond
-76 degrees, curves of two tiles that are a little apart in plan are far apart in height."""
-_MAX_GAP = 0.5
-"""Seams are joined where the surfaces of both tiles are at most this far from each other, as a share of the halo.
-Further apart they are different surfaces, such as a roof and the ground."""
+_STEEP = 4.0  # Beyond 76 degrees, curves that are a little apart in plan are far apart in height
+_MAX_GAP = (
+    0.5  # Surfaces of two tiles farther apart than this share of the halo are roof and ground, not joined
+)
 
 
 class Surface(NamedTuple):
@@ -35,8 +33,7 @@ class _Border(NamedTuple):
     value: float  # that coordinate [m]
 
 
-_Partners = dict[bytes, Float[np.ndarray, " 3"]]
-"""Place of a vertex that was added on a border -> the vertex of the other side that it stands for."""
+_Partners = dict[bytes, np.ndarray]  # Place of a vertex added on a border -> the other side's vertex there
 
 
 def join_tile(own: Surface, neighbors: Mapping[Place, Surface], place: Place, config: TilesConfig) -> Surface:
@@ -93,7 +90,8 @@ def _cut(surface: Surface, axis: int, sign: float, value: float) -> Surface:
     odd = (is_inside[mixed] == is_single[:, None]).argmax(axis=1)
     a, b, c = mixed[np.arange(len(mixed))[:, None], (odd[:, None] + np.arange(3)) % 3].T
     edges = np.sort(np.concatenate([np.stack([a, b], axis=1), np.stack([a, c], axis=1)]), axis=1)
-    (begin, end), numbers = _unique_rows(edges)
+    ends, numbers = np.unique(edges, axis=0, return_inverse=True)  # once an edge: its faces share the vertex
+    begin, end = ends.T
     share = beyond[begin] / (beyond[begin] - beyond[end])
     new = vertices[begin] + share[:, None] * (vertices[end] - vertices[begin])
     new[:, axis] = value
@@ -105,12 +103,6 @@ def _cut(surface: Surface, axis: int, sign: float, value: float) -> Surface:
         np.stack([first, c, second], axis=1)[~is_single],
     ]
     return _weld(Surface(np.concatenate([vertices, new]), np.concatenate(parts)))
-
-
-def _unique_rows(rows: Int[np.ndarray, "N 2"]) -> tuple[Int[np.ndarray, "2 M"], Int[np.ndarray, " N"]]:
-    """Return the columns of the different rows, and which of them each row is."""
-    different, numbers = np.unique(rows, axis=0, return_inverse=True)
-    return different.T, numbers.reshape(-1)
 
 
 def _weld(surface: Surface) -> Surface:

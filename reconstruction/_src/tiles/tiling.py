@@ -40,11 +40,8 @@ from reconstruction._src.tiles.workers import Job, RunJobs, Work, run_in_process
 _NEIGHBORS = [shift for shift in itertools.product((-1, 0, 1), repeat=2) if shift != (0, 0)]
 _MOST_VIEWPOINTS = 64  # Viewpoints that a tile knows: the nearest
 _POINTS_PER_UNIT = 20.0  # Points for each unit at least: with fewer, a network learns the noise
-_MIN_UNITS, _MAX_UNITS = 25, 20_000
-"""Units of a tile: one with points for fewer is left out, a rim that hardly has points; more take time and memory."""
-_STEPS_PER_OCTAVE = 4
-"""Numbers of units come in steps of 2^(1/4): the programs of a network are compiled for each number of units and
-points, which takes seconds. With fewer steps, tiles lose more of their points."""
+_MIN_UNITS, _MAX_UNITS = 25, 20_000  # Of a tile; one with points for fewer is left out: a rim
+_STEPS_PER_OCTAVE = 4  # Units come in steps of 2^(1/4): programs are compiled for each number, for seconds
 
 _logger = logging.getLogger(__name__)
 
@@ -176,10 +173,7 @@ def _collect(
 
 
 def reconstruct_tile(job: Job) -> Job:
-    """Reconstruct a tile with its halo and write its surface, in coordinates of the whole scan.
-
-    A function of plain data, for any worker; as is `finish_tile`.
-    """
+    """Reconstruct a tile with its halo and write its surface, in coordinates of the whole scan; for any worker."""
     config = TilesConfig(**job["config"])
     points = np.ascontiguousarray(read_bucket(Path(job["points"]), job["columns"])[:, :3])
     report = {"place": job["place"], "units": 0, "problem": None}

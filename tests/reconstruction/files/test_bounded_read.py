@@ -85,22 +85,18 @@ BODY = bytes(64)
 LIES = {
     "more than there is": make_npz(a=make_npy((10**6,), "<f8", BODY)),
     "more than there can be": make_npz(a=make_npy((10**9, 10**9, 10**9), "<f8", BODY)),
-    "overflowing": make_npz(a=make_npy((2**32, 2**32), "<f8", BODY)),
     "negative": make_npz(a=make_npy((-8,), "<f8", BODY)),
     "twice negative": make_npz(a=make_npy((-2, -4), "<f8", BODY)),
     "less than there is": make_npz(a=make_npy((7,), "<f8", BODY)),
     "rows of nothing": make_npz(a=make_npy((10**15,), "|V0", b"")),
     "a large item": make_npz(a=make_npy((1,), "|V2000000000", BODY)),
     "objects": make_npz(a=make_npy((8,), "|O", BODY)),
-    "no array": make_npz(a=b"hello"),
     "a deep header": make_npz(a=b"\x93NUMPY\x01\x00\x00\x20" + b"(" * 8192),
     "another version": make_npz(a=b"\x93NUMPY\x09\x00" + BODY),
     "packed by bzip2": make_npz(zipfile.ZIP_BZIP2, a=make_npy((8,), "<f8", BODY)),
-    "packed by lzma": make_npz(zipfile.ZIP_LZMA, a=make_npy((8,), "<f8", BODY)),
     "understated size": understate_size(pack(a=np.zeros(MEGABYTE))),
     "a name that is no array's": make_npz(a=make_npy((8,), "<f8", BODY)).replace(b"a.npy", b"a.npx"),
     "no archive": b"PK\x03\x04" + bytes(200),
-    "empty": b"",
 }
 
 

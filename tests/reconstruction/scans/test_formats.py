@@ -82,17 +82,11 @@ BROKEN = {
     "nan.xyz": b"nan nan nan\n" * 10,
     "words.xyz": b"1 2 3\n4 five 6\n7 8 9\n",
     "columns.xyz": b"1 2\n3 4\n5 6\n",
-    "ragged.csv": b"1,2,3\n4,5\n6,7,8\n",
     "cut.xyz": TEXT.encode() + b"1.0 2",
     "garbage.xyz": bytes(range(256)) * 20,
     "latin.csv": b"x,y,z\n1,2,\xff\xfe\n" * 4,
-    "cut_header.ply": ply(TEXT.encode())[:40],
     "cut.ply": ply(SINGLE, form="binary_little_endian")[:-9],
-    "few.ply": ply(TEXT.encode(), count=9),
-    "huge.ply": ply(TEXT.encode(), count=10**12),
-    "no_z.ply": ply(TEXT.encode(), names="xyw"),
     "no_vertex.ply": ply(TEXT.encode()).replace(b"vertex", b"corner"),
-    "words.ply": ply(b"1 2 three\n" * 5),
     "list.npy": npy(np.arange(9.0)),
     "strings.npy": npy(np.array([["a", "b", "c"]] * 4)),
     "pickle.npy": npy(np.array([{}] * 4), allow_pickle=True),
@@ -104,7 +98,6 @@ BROKEN = {
     "lies_ascii.pcd": pcd("ascii").replace(b"WIDTH 5", b"WIDTH 7").replace(b"POINTS 5", b"POINTS 7"),
     "cut_compressed.pcd": pcd("binary_compressed")[:-5],
     "zeroed_compressed.pcd": pcd("binary_compressed")[:-20] + bytes(20),
-    "no_data.pcd": PCD_HEAD,
     "words.pcd": PCD_HEAD + b"POINTS 5\nDATA ascii\n" + b"a b c\n" * 5,
     "type.pcd": pcd("binary").replace(b"TYPE F F F", b"TYPE F Q F"),
     "encoding.pcd": pcd("binary").replace(b"DATA binary", b"DATA morse"),
@@ -113,7 +106,6 @@ BROKEN = {
     "large_record.pcd": pcd("binary").replace(b"COUNT 1 1 1", b"COUNT 1 1 1000000000"),
     "several_z.pcd": pcd("binary").replace(b"COUNT 1 1 1", b"COUNT 1 1 2"),
     "long_line.xyz": b"1 " * 1_000_000,
-    "other.vtk": b"<VTKFile></VTKFile>",
     "cut.vtk": vtk(b"1 2 3 4 5"),
     "short.vtk": vtk(SINGLE[:30], "BINARY"),
     "huge.vtk": vtk(TEXT.encode(), count="99999999999"),
@@ -121,7 +113,6 @@ BROKEN = {
     "no_points.vtk": b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n",
     "no_vertices.obj": b"# an empty scene\nf 1 2 3\n",
     "cut.obj": b"v 1 2 3\nv 4 5 6\nv 7 8\n",
-    "words.obj": b"v 1 2 three\n" * 4,
     "cut.xyz.gz": gzip.compress(TEXT.encode())[:-9],
     "cut.xyz.bz2": bz2.compress(TEXT.encode())[:-9],
     "binary.3d": bytes(300),
@@ -175,14 +166,6 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_units_are_meters(tmp_path):
-    path = write(tmp_path, "a.xyz", TEXT.encode())
-    np.testing.assert_allclose(load_points(path, unit="cm"), POINTS / 100)
-    np.testing.assert_allclose(load_points(path, unit="mm"), POINTS / 1000)
-    with pytest.raises(ScanError, match="inch"):
-        load_points(path, unit="inch")
-
-
 def test_rows_that_are_not_finite_are_dropped_and_counted(tmp_path, caplog):
     path = write(tmp_path, "a.xyz", TEXT.encode() + b"nan 1 2\n1 inf 2\n")
     assert len(load_points(path)) == 5
@@ -201,13 +184,12 @@ def test_damaged_files_give_points_or_the_error(tmp_path, name, data):
     assert np.isfinite(points).all()
 
 
-def make_3dtk(num_sweeps: int = 4, num_beams: int = 9) -> tuple[np.ndarray, str]:
-    angle = np.linspace(0, np.pi, num_beams)
-    rows = []
-    for tilt in np.linspace(-0.3, 0.3, num_sweeps):
-        r = 100.0 + 10 * np.arange(num_beams)
-        ahead = r * np.sin(angle)
-        rows.append(np.stack([r * np.cos(angle), ahead * np.sin(tilt), ahead * np.cos(tilt)], axis=1))
+def make_3dtk() -> tuple[np.ndarray, str]:
+    angle, distance = np.linspace(0, np.pi, 9), 100.0 + 10 * np.arange(9)
+    ahead = distance * np.sin(angle)
+    rows = [
+        np.c_[distance * np.cos(angle), ahead * np.sin(t), ahead * np.cos(t)] for t in (-0.3, 0, 0.1, 0.3)
+    ]
     points = np.concatenate(rows)
     return points, "\n".join(" ".join(f"{v:.6f}" for v in row) for row in points)
 
@@ -231,7 +213,6 @@ def test_a_raw_scan_of_3dtk_becomes_a_log(tmp_path):
         (None, "0 0 0 a b c", "pose"),
         (None, None, "scan000"),
         ("", "0 0 0 0 0 0", "is empty"),
-        ("# nothing\n", "0 0 0 0 0 0", "no line"),
         (None, "0 " * 9000, "limit"),
     ],
 )
@@ -265,14 +246,6 @@ def test_every_format_stops_at_the_limit(tmp_path, name):
         load_points(path, max_bytes=100)
     assert str(error.value).startswith(f"{path}: ")
     assert len(load_points(path, max_bytes=5000)) == 5
-
-
-def test_scans_stop_at_the_limit_too(tmp_path):
-    path = write(tmp_path, "scan000.3d", make_3dtk()[1].encode())
-    write(tmp_path, "scan000.pose", b"0 0 0 0 0 0")
-    for log in (path, load_scan_log(path).save(tmp_path / "a.npz")):
-        with pytest.raises(ScanError, match=rf"{log.name}.*limit"):
-            load_scan_log(log, max_bytes=100)
 
 
 def test_broken_numbers_are_reported_with_their_row(tmp_path):

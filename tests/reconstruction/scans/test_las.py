@@ -157,14 +157,6 @@ def test_a_table_of_too_many_chunks_is_refused(tmp_path: Path) -> None:
         load_cloud(write(tmp_path, "a.laz", bytes(content)))
 
 
-def test_the_limit_counts_24_bytes_a_point(tmp_path: Path) -> None:
-    path = write(tmp_path, "a.laz", las(packed=True))
-    big = write(tmp_path, "b.laz", las(np.tile(POINTS, (100, 1)), packed=True))
-    assert load_cloud(path, max_bytes=5000).num_points == 40
-    with pytest.raises(ScanError, match="limit"):
-        load_cloud(big, max_bytes=90_000)
-
-
 @pytest.mark.parametrize("packed", [False, True])
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())

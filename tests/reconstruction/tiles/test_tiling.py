@@ -6,10 +6,12 @@ import logging
 import numpy as np
 import pytest
 
+import reconstruction as rc
 from benchmarks.large_scans import measure_surface
 from benchmarks.material.landscape import make_landscape, sample_scan
 from reconstruction._src.base.errors import ReconstructionError, ScanError
-from reconstruction._src.tiles.folder import INDEX, TiledSurface
+from reconstruction._src.surfaces.color import find_vertex_colors
+from reconstruction._src.tiles.folder import INDEX, TiledSurface, read_surface
 from reconstruction._src.tiles.point_stream import TilesConfig
 from reconstruction._src.tiles.tiling import reconstruct_tile, reconstruct_tiles
 from reconstruction._src.tiles.workers import run_here, run_in_processes
@@ -157,3 +159,43 @@ def test_tiles_look_to_where_they_were_seen_from(tmp_path):
     assert (seen.mesh().face_normals[:, 2] < 0).mean() > 0.99
     with pytest.raises(ScanError, match="viewpoints must be finite"):
         reconstruct_tiles(tmp_path / "points.npy", tmp_path / "bad", CONFIG, viewpoints=[0.0, np.nan, 1.0])
+
+
+COARSE = rc.TilesConfig(tile=10.0)
+
+
+def make_field(num: int = 6000) -> rc.Cloud:
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(0, 20, num), rng.uniform(0, 10, num), rng.normal(0, 0.01, num)])
+    return rc.Cloud(points, np.round(255 * paint(points)).astype(np.uint8))
+
+
+def paint(places):
+    return np.stack([places[:, 0] / 20, 0.5 + 0 * places[:, 0], 1 - places[:, 1] / 10], axis=1).clip(0, 1)
+
+
+def test_tiles_have_the_colors_of_their_points(tmp_path):
+    cloud = make_field()
+    tiled = rc.reconstruct_tiles(cloud, tmp_path / "colored", COARSE)
+    mesh = tiled.mesh()
+    colors = find_vertex_colors(mesh)
+    assert colors is not None
+    assert np.sqrt(np.mean((colors / 255 - paint(np.asarray(mesh.vertices))) ** 2)) < 0.02
+    plain = rc.reconstruct_tiles(cloud.points, tmp_path / "plain", COARSE).mesh()
+    assert find_vertex_colors(plain) is None
+    assert np.array_equal(plain.vertices, mesh.vertices)
+
+
+def test_files_of_points_bring_their_colors(tmp_path):
+    cloud = make_field()
+    rows = np.column_stack([cloud.points, cloud.colors])
+    np.savetxt(tmp_path / "a.xyz", rows, fmt=["%.4f"] * 3 + ["%d"] * 3)
+    mesh = rc.reconstruct_tiles(tmp_path / "a.xyz", tmp_path / "tiles", COARSE).mesh()
+    assert find_vertex_colors(mesh) is not None
+
+
+def test_damaged_colors_are_refused(tmp_path):
+    path = tmp_path / "tile_0_0.npz"
+    np.savez(path, vertices=np.zeros((3, 3)), faces=np.array([[0, 1, 2]]), colors=np.zeros((2, 3), np.uint8))
+    with pytest.raises(rc.ReconstructionError, match="colors are uint8 of"):
+        read_surface(path)
