@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.bounded_read import MAX_BYTES
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.rows import drop_unused
 from reconstruction._src.input_cloud import (
     check_free_rays,
     check_origins,
@@ -335,6 +334,7 @@ class Reconstruction:
 
     def _cut_far_faces(self) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
         """Return vertices and faces of the network without faces far from every reading, and note what was cut."""
+        from reconstruction._src.geometry.rows import drop_unused
         from reconstruction._src.surfaces.far_faces import cut_far_faces
 
         vertices, faces = drop_unused(self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64))

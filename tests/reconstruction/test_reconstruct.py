@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 from damage import flip_bits
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.orientation import orient_outwards
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.reconstruction import Reconstruction
 
@@ -215,18 +213,6 @@ def test_what_is_no_saved_reconstruction_is_refused(tmp_path):
     np.savez(tmp_path / "newer.npz", **arrays)
     with pytest.raises(ReconstructionError, match="version 99"):
         Reconstruction.load(tmp_path / "newer.npz")
-
-
-def test_closed_surfaces_are_turned_outwards():
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    sheet = np.array([[3.0, 0, 0], [4, 0, 0], [3, 1, 0]])
-    vertices = np.concatenate([ball.vertices, sheet])
-    faces = np.concatenate([ball.faces[:, ::-1], [[42 * 4 - 6, 0, 0]]])[:-1]
-    first = len(ball.vertices)
-    faces = np.concatenate([faces, [[first, first + 2, first + 1]]])
-    turned = orient_outwards(vertices, faces)
-    assert trimesh.Trimesh(vertices, turned[:-1], process=False).volume > 0
-    np.testing.assert_array_equal(turned[-1], [first + 1, first + 2, first])
 
 
 @pytest.mark.parametrize(

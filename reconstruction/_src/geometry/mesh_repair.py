@@ -16,6 +16,8 @@ from reconstruction._src.geometry.orientation import compute_components, split_f
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
+    all_corners,
+    all_rows,
     compute_area_vectors,
     compute_areas,
     compute_lengths,
@@ -74,7 +76,7 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
         )
     if vertices.shape[1:] != (3,):
         raise ReconstructionError(f"vertices have three coordinates, not {vertices.shape[-1]}")
-    faces = faces[np.isfinite(vertices).all(axis=1)[faces].all(axis=1)]
+    faces = faces[all_corners(all_rows(np.isfinite(vertices)), faces)]
     _refuse_odd_sizes(vertices[faces.ravel()])
     vertices, faces = merge_vertices(vertices, faces)
     faces = drop_flat_faces(vertices, faces)

@@ -150,7 +150,6 @@ def measure_color_error(
     colors = find_vertex_colors(mesh)
     if colors is None:
         raise ReconstructionError("the mesh has no vertex colors; give reconstruct() colored points")
-    ask = truth
     if isinstance(truth, trimesh.Trimesh):
         true_colors = find_vertex_colors(truth)
         if true_colors is None:
@@ -158,6 +157,8 @@ def measure_color_error(
                 "the true mesh has no vertex colors; give a function of positions instead"
             )
         ask = partial(_ask_mesh, truth, true_colors)
+    else:
+        ask = truth
     places = sample_area(np.asarray(mesh.vertices), np.asarray(mesh.faces), _NUM_SAMPLES, seed)
     found = interpolate_colors(mesh, colors, places) / WHITE
     true = np.asarray(ask(places), dtype=np.float64)

@@ -142,7 +142,7 @@ def _find_cells(
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
     distance, nearest = cKDTree(places[known]).query((grid + 0.5) * _CELL)
     owner = np.where(distance <= _REACH, patch_of[known][nearest], 0)
-    rectangles = [np.zeros((0, 4))]
+    rectangles: list[np.ndarray] = [np.zeros((0, 4))]
     for number in range(1, int(patch_of.max()) + 1):
         corners = np.array(_cover(owner == number), dtype=np.int64).reshape(-1, 4)
         rectangles.append((corners + np.concatenate([low, low])) * _CELL)

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
 
-from reconstruction._src.geometry.rows import all_rows, compute_lengths
+from reconstruction._src.geometry.rows import all_rows, any_rows, compute_lengths
 
 Corners = Float[np.ndarray, "F 3 3"]  # Of triangles [m]
 
@@ -56,11 +56,11 @@ class Primitive(NamedTuple):
             is_side = (np.abs(radius - size[0]) <= tolerance) & (height <= size[1] + tolerance)
             is_end = (np.abs(height - size[1]) <= tolerance) & (radius <= size[0] + tolerance)
             return all_rows(is_side) | all_rows(is_end)
-        is_near = (np.abs(local) <= size + tolerance).all(axis=2)
+        is_near = all_rows(np.abs(local) <= size + tolerance)
         if self.kind == "plane":
             return all_rows(is_near & (np.abs(local[..., 2] - size[2]) <= tolerance))
         on_side = np.abs(np.abs(local) - size) <= tolerance
-        return (is_near[..., None] & on_side).all(axis=1).any(axis=1)
+        return any_rows(np.asarray((is_near[..., None] & on_side).all(axis=1)))
 
 
 def take_out(

@@ -3,7 +3,7 @@
 import numpy as np
 from constants import with_constants
 
-from reconstruction._src.networks.gsrm import completion, gsrm
+from reconstruction._src.networks.gsrm import gsrm
 from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, find_uncovered, train
 from reconstruction._src.surfaces.quality import compute_distances, count_topology
 
@@ -27,7 +27,7 @@ def test_only_groups_far_from_every_face_are_uncovered():
     found = find_uncovered(np.concatenate([on, group, strays]), *SQUARE)
     assert found[2000:2040].all()
     assert found.sum() == 40
-    few = np.concatenate([on, group[: completion._MIN_SAMPLES - 1]])
+    few = np.concatenate([on, group[: gsrm._MIN_SAMPLES - 1]])
     assert not find_uncovered(few, *SQUARE).any()
 
 

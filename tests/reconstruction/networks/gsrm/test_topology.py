@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from constants import with_constants
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import (
@@ -14,6 +15,7 @@ from reconstruction._src.geometry.manifold import (
     make_manifold,
     make_winding,
 )
+from reconstruction._src.networks.gsrm import hole_patching
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction._src.networks.gsrm.support import Support
 from reconstruction._src.networks.gsrm.topology import (
@@ -125,7 +127,8 @@ def test_a_long_loop_is_closed_where_there_are_samples_and_the_rim_is_not() -> N
     holed = faces[~is_gone[faces].any(axis=1)]
     assert sorted(map(len, find_loops(holed, 256))) == [22, 60]
     samples = _make_samples(16)
-    assert len(patch_holes(units, holed, _support(samples, 0.125), max_edges=21)[0]) == len(holed)
+    with with_constants(hole_patching, max_hole_edges=21):
+        assert len(patch_holes(units, holed, _support(samples, 0.125))[0]) == len(holed)
     closed = close_tips(units, holed, _support(samples, 0.125))
     assert len(closed) == len(holed) + 20
     topology = count_topology(closed, 256)
