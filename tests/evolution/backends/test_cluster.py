@@ -87,13 +87,15 @@ def test_tiles_on_a_cluster_are_those_of_this_process(tmp_path):
     common = {
         "method": "gsrm",
         "is_raw": True,
+        "columns": 3,
+        "viewpoints": None,
         "config": {"tile": 4.0},
         "points": str(tmp_path / "points.f4"),
     }
 
     def make_jobs(name: str) -> list[dict]:
         places = ((number, str(tmp_path / f"{name}_{number}.npz")) for number in range(3))
-        return [common | {"place": [number, 0], "seed": number, "out": out} for number, out in places]
+        return [common | {"place": [number, 0], "seed": number, "surface": out} for number, out in places]
 
     there = list(run_in_cluster(2)(reconstruct_tile, make_jobs("a")))
     assert there == list(run_here(reconstruct_tile, make_jobs("b")))
