@@ -1,138 +1,100 @@
-"""Where a body believes it is, and the goal from there: dead reckoning from what its tracks were told and its tilt."""
+"""Where a body believes it is, and the goal from there: dead reckoning from what its tracks were told and its tilt.
+
+Functions of arrays take `xp`, NumPy on the host and `jax.numpy` on a device.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from symbrion_gym._src.robot.tracks import find_driven_wheels
 from symbrion_gym._src.tasks.reach import ReachPlaces
 from symbrion_gym._src.tasks.state import add_up
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.environment.commands import Commands
-    from symbrion_gym._src.environment.world import Physics, World
+    from symbrion_gym._src.environment.world import World
     from symbrion_gym._src.robot.organism import Organism
-    from symbrion_gym._src.tasks.scene import Scene
 
-LEAST_LEVEL = 0.2
+_LEAST_LEVEL = 0.2
 """Cosine of the pitch that is assumed of steeper modules: near the vertical a heading would turn at any rate."""
-FAR = 100.0  # Goals that are at no place lie straight ahead, this far away [m]
+_FAR = 100.0  # Goals that are at no place lie straight ahead, this far away [m]
 
 
 class DeadReckoning:
-    """The poses that N bodies believe to have, from the start on their map, and the direction of the goal from there.
+    """How N bodies move the poses that they believe to have, and the direction of the goal from there.
 
     A body knows the way on its map from a nominal start; by how much it was put down differently, it does not know.
     From then on it adds up what its tracks were told to run, as level as each module's accelerometer says: of all
     rigid motions in the plane, the one from which the tracks' contacts slip least (least squares). For one module this
     halves the rate of turn without slip. Slip beyond that, falls and pushes are not noticed: the error grows.
 
-    Args:
-        world: world of the simulations.
-        commands: what was commanded last.
-        direction: `[N, 2]` written by `observe`: bearing of the goal, positive to the left of the head [rad], and its
-            distance [m].
-
     References:
         Mandow, Martínez, Morales, Blanco, García-Cerezo and González (2007), Experimental kinematics for wheeled skid-
         steer mobile robots, IROS: speeds of the body as a constant linear function of those of the tracks.
     """
 
-    def __init__(self, world: World, commands: Commands, direction: Float[np.ndarray, "N 2"]) -> None:
-        num = len(direction)
-        self._commands, self._direction, self._dt = commands, direction, world.config.dt
-        self._goal = world.task.goal
-        self._ahead, self._left, self._turn = find_motion(world.organism)
-        self._middle = find_middle(world.organism)
-        self._pose = np.zeros((num, 3))
-        self._places: list[Float[np.ndarray, "C 2"]] = [np.zeros((1, 2))] * num
-        self._radii: list[Float[np.ndarray, " C"]] = [np.zeros(1)] * num
-        self._number = np.zeros(num, dtype=np.int64)
-        self._target, self._radius = (
-            np.zeros((num, 2)),
-            np.full(num, -1.0),
-        )  # nothing is passed before the start
-        self._has_driven = np.zeros(num, dtype=bool)
+    def __init__(self, world: World) -> None:
+        route, organism, goal = world.map_route, world.organism, world.task.goal
+        self._ahead, self._left, self._turn = find_motion(organism)
+        poses = organism.compute_poses()
+        # How far ahead and to the left of the middle of the straight body its head is [m].
+        self._middle = (
+            -float(np.mean([pose.x for pose in poses])),
+            -float(np.mean([pose.y for pose in poses])),
+        )
+        self.start = np.array([*route.place(route.start), route.heading])  # on the map [m, rad]
+        if isinstance(goal, ReachPlaces):
+            self._places, self._radii = goal.list_places(route, organism.scout.size[0])
+        else:
+            self._places = np.array([route.place(min(route.finish, route.start + _FAR))])
+            self._radii = np.zeros(1)
+        self._radii[-1] = -1.0  # the last place is never passed
 
-    @property
-    def pose(self) -> Float[np.ndarray, "N 3"]:
-        """Estimated x, y [m] and heading [rad] of each head."""
-        return self._pose
+    def move(
+        self, pose: Float[Any, "N 3"], rotation: Float[Any, "N n 9"], way: Float[Any, "N tracks"], xp: Any
+    ) -> Float[Any, "N 3"]:
+        """Return the believed poses after the tracks were told to run a way [m]."""
+        level = xp.sqrt(xp.maximum(1.0 - rotation[:, :, 6] ** 2, _LEAST_LEVEL**2))
+        run = way.repeat(len(self._ahead) // way.shape[1], axis=1)
+        leveled = run * level.repeat(2, axis=1)
+        ahead, left = add_up(leveled * self._ahead), add_up(leveled * self._left)
+        turn = add_up(run * self._turn) * rotation[:, 0, 8] / level[:, 0] ** 2
+        heading = pose[:, 2] + 0.5 * turn
+        c, s = xp.cos(heading), xp.sin(heading)
+        return pose + xp.stack([c * ahead - s * left, s * ahead + c * left, turn], axis=1)
 
-    @property
-    def number(self) -> Int[np.ndarray, " N"]:
-        """Number of the place that each body believes to head for."""
-        return self._number
-
-    def begin(self, rows: Sequence[int], scenes: Sequence[Scene]) -> None:
-        """Start episodes in some simulations, at the start on the map."""
-        for row, scene in zip(rows, scenes, strict=True):
-            route = scene.map_route
-            self._pose[row] = *route.place(route.start), route.heading
-            self._places[row], self._radii[row] = list_places(self._goal, scene)
-            self._number[row] = 0
-            self._has_driven[row] = False
-            self._head_for(row, 0)
-
-    def _head_for(self, row: int, number: int) -> None:
-        self._number[row] = number
-        self._target[row], self._radius[row] = self._places[row][number], self._radii[row][number]
-
-    def take(self, active: Bool[np.ndarray, " N"] | None) -> None:
-        """Note that the tracks of some simulations ran for a tick; None for all."""
-        self._has_driven[:] = True if active is None else active
-
-    def observe(self, physics: Physics) -> None:
-        """Add the way of the last tick, once, and write where the goal is."""
-        rows = np.flatnonzero(self._has_driven)
-        if len(rows):
-            self._integrate(physics, rows)
-            self._has_driven[:] = False
-        heading = self._pose[:, 2]
-        c, s = np.cos(heading), np.sin(heading)
+    def pass_places(
+        self, pose: Float[Any, "N 3"], headed: Int[Any, " N"], xp: Any
+    ) -> tuple[Int[Any, " N"], Float[Any, "N 2"]]:
+        """Return the number of the place that each body heads for, and its bearing [rad] and distance [m]."""
+        places, radii = xp.asarray(self._places), xp.asarray(self._radii)
+        c, s = xp.cos(pose[:, 2]), xp.sin(pose[:, 2])
         ahead, left = self._middle
-        to_x, to_y = (self._target - self._pose[:, :2]).T
-        off_x, off_y = to_x + c * ahead - s * left, to_y + s * ahead + c * left
-        for row in np.flatnonzero(np.hypot(off_x, off_y) <= self._radius):
-            self._head_for(int(row), int(self._number[row]) + 1)
-        to_x, to_y = (self._target - self._pose[:, :2]).T
-        self._direction[:, 0] = np.arctan2(c * to_y - s * to_x, c * to_x + s * to_y)
-        self._direction[:, 1] = np.hypot(to_x, to_y)
-
-    def _integrate(self, physics: Physics, rows: Int[np.ndarray, " R"]) -> None:
-        """Move the estimated poses by the way of a tick."""
-        rotation = physics.rotation[rows]
-        level = np.sqrt(np.maximum(1.0 - rotation[:, :, 6] ** 2, LEAST_LEVEL**2))
-        speed = self._commands.compute_track_speed()[rows]
-        run = np.repeat(speed * self._dt, len(self._ahead) // speed.shape[1], axis=1)
-        way = run * np.repeat(level, 2, axis=1)
-        ahead, left, turn = add_up(way * self._ahead), add_up(way * self._left), add_up(run * self._turn)
-        turn = turn * rotation[:, 0, 8] / level[:, 0] ** 2
-        heading = self._pose[rows, 2] + 0.5 * turn
-        c, s = np.cos(heading), np.sin(heading)
-        self._pose[rows, 0] += c * ahead - s * left
-        self._pose[rows, 1] += s * ahead + c * left
-        self._pose[rows, 2] += turn
+        x, y = (places[headed] - pose[:, :2]).T
+        away = xp.hypot(x + c * ahead - s * left, y + s * ahead + c * left)
+        headed = headed + (away <= radii[headed])
+        x, y = (places[headed] - pose[:, :2]).T
+        direction = xp.stack([xp.arctan2(c * y - s * x, c * x + s * y), xp.hypot(x, y)], axis=1)
+        return headed, direction
 
 
-def list_places(goal: Any, scene: Scene) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
-    """Return the places to head for in turn on the map, and how near each is passed [m]; the last one never is."""
-    route = scene.map_route
-    if not isinstance(goal, ReachPlaces):
-        return np.array([route.place(min(route.finish, route.start + FAR))]), np.full(1, -1.0)
-    places, radii = goal.list_places(route, scene.organism.scout.size[0])
-    radii[-1] = -1.0
-    return places, radii
+def measure_way(
+    rotation: Float[Any, "N n 9"], speed: Float[Any, " N"], dt: float, xp: Any
+) -> Float[Any, " N"]:
+    """Return how far the head drives in a tick: what its tracks run, as steep as its pitch [m]."""
+    return dt * speed * xp.sqrt(xp.maximum(1.0 - rotation[:, 0, 6] ** 2, 0.0))
 
 
-def find_middle(organism: Organism) -> tuple[float, float]:
-    """Return how far ahead and to the left of its middle the head of a straight body is [m]."""
-    poses = organism.compute_poses()
-    return -float(np.mean([pose.x for pose in poses])), -float(np.mean([pose.y for pose in poses]))
+def find_goal(state: Any) -> Float[Any, "N 2"]:
+    """Return the place to head for, ahead of the head and to its left [m]; zeros where a task has none."""
+    xp, target, head = state.xp, state.target, state.position[:, 0, :2]
+    x, y = (xp.where(xp.isfinite(target), target, head) - head).T
+    c, s = state.rotation[:, 0, 0], state.rotation[:, 0, 3]
+    length = xp.maximum(xp.hypot(c, s), 1e-9)
+    return xp.stack([(x * c + y * s) / length, (y * c - x * s) / length], axis=1)
 
 
 def find_motion(

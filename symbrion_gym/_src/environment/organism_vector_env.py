@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
 
+import gymnasium as gym
 import mujoco
 import numpy as np
 from gymnasium.utils import seeding
@@ -14,14 +16,16 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch
 
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.episodes import Episodes, Start, Ticks
-from symbrion_gym._src.environment.models import IndividualModels, SharedModel
-from symbrion_gym._src.environment.observation import add_noise
-from symbrion_gym._src.environment.organism_env import OrganismEnv, make_spaces
+from symbrion_gym._src.environment.organism_env import OrganismEnv, make_renderer, make_spaces
 from symbrion_gym._src.environment.randomization import (
     Domain,
-    apply_domain,
+    IndividualModels,
+    SharedModel,
+    begin_episode,
     draw_domain,
     make_nominal_domain,
     split_options,
@@ -31,7 +35,13 @@ from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 
+if TYPE_CHECKING:
+    from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
+    from symbrion_gym._src.environment.warp.device_vector_env import DeviceVectorEnv
+
 _DIVERGED = BASE_FLAGS.index("diverged")
+ENGINES = ("mujoco", "warp")  # Engines that step the simulations of a vector environment
+ARRAYS = ("numpy", "jax", "torch")  # What it takes and returns; only "warp" knows others than the first
 
 
 class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -72,9 +82,6 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         stretches: Sequence[float] | None = None,
         **options: Any,
     ) -> None:
-        for name, value in (("num_envs", num_envs), ("num_threads", num_threads or 1)):
-            if int(value) != value or value < 1:
-                raise OptionError(f"{name} must be a whole number above 0, got {value}")
         if render_mode not in (None, *RENDER_MODES[1:]):
             raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES[1:])}")
         self.config = EnvironmentConfig.from_options(options)
@@ -85,7 +92,8 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             "render_fps": round(1.0 / self.config.dt),
         }
         self.render_mode, self._image_size = render_mode, (width, height)
-        self.num_envs = int(num_envs)
+        self.num_envs = check_count("num_envs", num_envs)
+        threads = check_count("num_threads", num_threads or os.cpu_count() or 1)
         if stretches and render_mode is not None:
             raise OptionError("there are no images of several stretches; give one `stretch`")
         self._stretches = tuple(map(float, stretches or (self.config.stretch,)))
@@ -98,14 +106,13 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._info_names = self._episodes.number_names + self._episodes.flag_names
         self._mask_names = tuple(f"_{name}" for name in self._info_names)
         self._selected = [0] * self.num_envs
-        self._make_batch(min(num_threads or os.cpu_count() or 1, self.num_envs))
+        self._make_batch(min(threads, self.num_envs))
         self.observation_structure = self._episodes.observer.structure
         self.single_action_space, self.single_observation_space = make_spaces(self._episodes)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._nominal = make_nominal_domain(self.world)
         self._rngs: list[np.random.Generator] = []
-        self._domains = [self._nominal] * self.num_envs
+        self._domains = [make_nominal_domain(self.world)] * self.num_envs
         self._options: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         self._is_done = np.ones(self.num_envs, dtype=bool)
         self._renderers: list[tuple[mujoco.MjData, SceneRenderer]] = []
@@ -139,12 +146,11 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         split = split_options(options, self.num_envs)
         for row in rows:
             self._options[row] = split[row]
-        domains = self._begin(rows)
+        self._begin(rows)
         info = self._make_info(mask)
         for name in Domain._fields:
-            values = np.zeros(self.num_envs)
-            values[rows] = [getattr(domain, name) for domain in domains]
-            info[name], info[f"_{name}"] = values, mask
+            values = np.array([getattr(domain, name) for domain in self._domains])
+            info[name], info[f"_{name}"] = np.where(mask, values, 0.0), mask
         return self._add_noise(self._episodes.observe(self._physics), mask), info
 
     def _select(self, stretch: Any, rows: list[int]) -> None:
@@ -170,35 +176,24 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             if one is not None:
                 self._rngs[row] = seeding.np_random(int(one))[0]
 
-    def _begin(self, rows: list[int]) -> list[Domain]:
-        """Lay down the organisms of some simulations; return their circumstances."""
-        domains = []
+    def _begin(self, rows: list[int]) -> None:
+        """Lay down the organisms of some simulations."""
         self.batch.reset(rows, stage=0)
+        domains, starts = [], []
         for row in rows:
-            wanted = {**self.world.task.start.randomize(), **self.config.randomize, **self._options[row]}
-            domain = draw_domain(
-                self._nominal._asdict(), wanted, self._rngs[row], has_patches=len(self.world.patch_geoms) > 0
-            )
             world = self._worlds[self._selected[row]]
-            apply_domain(world, self._models.select(row, self._selected[row]), domain)
-            self._qpos[row] = world.lay_down(
-                domain.start_offset, domain.start_lateral, domain.yaw, domain.roll
-            )
-            target, speed = self._qpos[[row]][:, world.hinge_qpos], np.full((1, 1), domain.track_speed)
-            world.write_control(self._control[row : row + 1], target, speed)
+            domain = draw_domain(self.world, self._options[row], self._rngs[row])
+            fields = self._models.select(row, self._selected[row])
+            begin_episode(world, domain, fields, self._qpos[row], self._control[row])
             domains.append(domain)
+            starts.append(Start(row, domain.track_speed, world.scene))
         for row, domain in zip(rows, domains, strict=True):
             self._domains[row] = domain
         self._models.commit()
         self.batch.forward(rows)
         self._refresh()
-        starts = [
-            Start(row, domain.track_speed, self._worlds[self._selected[row]].scene)
-            for row, domain in zip(rows, domains, strict=True)
-        ]
         self._episodes.begin(self._physics, starts)
         self._is_done[rows] = False
-        return domains
 
     def step(
         self, actions: np.ndarray
@@ -238,7 +233,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             some = None if count == self.num_envs else active
             target, speed = episodes.command(actions, some)
             self.world.write_control(self._control, target, speed)
-            if episodes.num_tracks:
+            if episodes.commands.num_tracks:
                 self._models.write_track_speed(speed)
             self.batch.step(some, nstep=self.config.frame_skip)
             self._refresh()
@@ -266,8 +261,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def _add_noise(self, observation: np.ndarray, mask: np.ndarray) -> np.ndarray:
         if self.config.noise:
             for row in np.flatnonzero(mask):
-                observer = self._episodes.observer
-                observation[row] = add_noise(observation[row], observer, self._rngs[row])
+                observation[row] = self._episodes.observer.add_noise(observation[row], self._rngs[row])
         return observation
 
     def read_records(self, row: int) -> dict[str, Any]:
@@ -310,19 +304,9 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Return one image per simulation in the render mode; None without one."""
         if self.render_mode is None:
             return None
-        if not self._renderers:
-            length = self.world.num_modules * self.world.organism.scout.pitch
+        for _ in range(self.num_envs - len(self._renderers)):
             data = mujoco.MjData(self.model)
-            for _ in range(self.num_envs):
-                renderer = SceneRenderer(
-                    self.model,
-                    data,
-                    *self._image_size,
-                    length,
-                    self.world.route.heading,
-                    quality=self.world.arena.quality,
-                )
-                self._renderers.append((data, renderer))
+            self._renderers.append((data, make_renderer(self.world, data, *self._image_size)))
         frames = []
         for row, (data, renderer) in enumerate(self._renderers):
             self.batch.get_data(row, data)
@@ -336,3 +320,65 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         for _, renderer in self._renderers:
             renderer.close()
         self._renderers = []
+
+
+def make_vector_env(
+    num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", **options: Any
+) -> OrganismVectorEnv | DeviceVectorEnv:
+    """Return the vector environment of an id, on the engine that `backend` names, with arrays of a library."""
+    check_choice("backend", backend, ENGINES, OptionError)
+    check_choice("array", array, ARRAYS, OptionError)
+    if backend == "mujoco":
+        if array != "numpy":
+            raise OptionError(f"array={array!r} needs backend='warp'; leave out array")
+        return OrganismVectorEnv(num_envs, **options)
+    if array == "torch" and find_spec("torch") is None:
+        raise OptionError(
+            "array='torch' needs torch, which is not installed: pip install torch, or take 'jax'"
+        )
+    if array == "numpy":
+        from symbrion_gym._src.environment.warp.batch import WarpVectorEnv
+
+        return WarpVectorEnv(num_envs, **options)
+    require_extras("backend 'warp'", "gpu")
+    from symbrion_gym._src.environment.warp.device_vector_env import DeviceVectorEnv
+
+    return DeviceVectorEnv(num_envs, array, **options)
+
+
+def check_count(name: str, value: float) -> int:
+    """Return a number of things, which is a whole number above 0."""
+    if int(value) != value or value < 1:
+        raise OptionError(f"{name} must be a whole number above 0, got {value}")
+    return int(value)
+
+
+def make_sb3_env(
+    environment_id: str, num_envs: int = 16, seed: int | None = None, **options: Any
+) -> StableBaselinesEnv:
+    """Return a `VecEnv` of stable-baselines3 over a registered environment.
+
+    Args:
+        environment_id: such as "symbrion_gym/CrossGap-v0".
+        num_envs: number of simulations.
+        seed: environment i is reset with `seed + i`; None for random seeds.
+        options: options of the environment.
+
+    Raises:
+        MissingExtraError: stable-baselines3 is not installed.
+        OptionError: an option is unknown or out of range.
+    """
+    require_extras("`symbrion_gym.make_sb3_env`", "rl")
+    from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
+
+    envs = gym.make_vec(
+        environment_id,
+        num_envs=num_envs,
+        vectorization_mode="vector_entry_point",
+        autoreset_mode=AutoresetMode.SAME_STEP,
+        **options,
+    )
+    adapted = StableBaselinesEnv(envs)
+    if seed is not None:
+        adapted.seed(seed)
+    return adapted

@@ -5,8 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.commands import link_views
-from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv, link_views
 
 
 def test_views_share_the_memory_of_the_copy():

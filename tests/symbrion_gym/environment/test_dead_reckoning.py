@@ -79,17 +79,16 @@ def test_the_true_pose_is_not_read():
 def test_corners_are_passed_by_the_estimate():
     env = make(task="reach", start=(-2.7, -0.5), goal=(-1.9, 0.5), places=((-2.4, 0.2),))
     env.reset(seed=0)
-    reckoning = env._episodes.reckoning
-    assert reckoning is not None
+    believed = env._episodes.believed
     for corner in env.world.route.corners[:-1]:
-        reckoning.pose[0] = *corner, 0.0
+        believed[0] = *corner, 0.0
         bearing, distance = read(env, run(env, (0.0, 0.0), 2))
         assert distance > 0.05
     last = env.world.route.corners[-1]
-    reckoning.pose[0] = last[0] - 0.3, last[1] - 0.3, 0.0
+    believed[0] = last[0] - 0.3, last[1] - 0.3, 0.0
     bearing, distance = read(env, run(env, (0.0, 0.0), 5))
     assert (bearing, distance) == pytest.approx((pi / 4, np.hypot(0.3, 0.3)), abs=1e-6)
-    reckoning.pose[0] = *last, 0.0
+    believed[0] = *last, 0.0
     assert read(env, run(env, (0.0, 0.0), 5))[1] == pytest.approx(0.0, abs=1e-6)
 
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.settling import Settler, compute_depth
+from symbrion_gym._src.environment.laying import Settler, compute_depth
 
 _BODY = """
 <body name="trunk" pos="0 0 {height}">

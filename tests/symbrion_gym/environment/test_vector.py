@@ -6,11 +6,9 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from side_by_side import assert_equal_ticks
 
-import symbrion_gym as sg
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.sensing.timing import timing
-from symbrion_gym._src.tasks.scene import find_ceiling
 
 RESET = {
     "friction": np.array([0.5, 0.6, 0.7, 0.8]),
@@ -155,13 +153,3 @@ def test_actions_of_another_shape_are_refused(shape):
     envs.reset(seed=0)
     with pytest.raises(ValueError, match=r"shape \(2, 2\)"):
         envs.step(np.zeros(shape))
-
-
-def test_the_ceiling_is_nowhere_below_the_ground():
-    arena = sg.load_arena("gsrm")
-    ends, ceiling = find_ceiling(arena.surface)
-    x, y = np.random.default_rng(0).uniform((-3.0, -1.0), (3.0, 1.0), (5000, 2)).T
-    height = arena.height(x, y)
-    room = ceiling[np.searchsorted(ends, x)] - height
-    assert np.nanmin(room) > 0.0
-    assert np.nanmedian(room) < 0.05

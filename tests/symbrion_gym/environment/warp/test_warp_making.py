@@ -5,9 +5,8 @@ import pytest
 
 import reconstruction._src.base.extras
 from reconstruction._src.base.extras import MissingExtraError
-from symbrion_gym._src.environment.models import LayoutError
-from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.warp.making import make_vector_env
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, make_vector_env
+from symbrion_gym._src.environment.randomization import LayoutError
 from symbrion_gym._src.errors import OptionError
 
 ID = "symbrion_gym/SnakePit-v1"

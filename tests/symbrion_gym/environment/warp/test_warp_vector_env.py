@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from symbrion_gym._src.environment.warp.making import make_vector_env
+from symbrion_gym._src.environment.organism_vector_env import make_vector_env
 from symbrion_gym._src.errors import OptionError
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")

@@ -5,7 +5,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.warp.making import make_vector_env
+from symbrion_gym._src.environment.organism_vector_env import make_vector_env
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.tasks.terms import Termination

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.warp.device.starts import StartingEnv
-from symbrion_gym._src.environment.warp.device.tick import DeviceTick
+from symbrion_gym._src.environment.warp.device_vector_env import StartingEnv
+from symbrion_gym._src.environment.warp.tick import DeviceTick
 from symbrion_gym._src.environment.world import Physics
 
 NUM = 4
@@ -22,7 +22,7 @@ class Both:
     def __init__(self, **options: Any) -> None:
         self.envs = OrganismVectorEnv(NUM, 1, "Disabled", **options)
         self.observation, self.info = self.envs.reset(seed=3)
-        self.host = StartingEnv.make(NUM, 1, options)
+        self.host = StartingEnv(NUM, 1, options)
         starts = self.host.draw([3 + i for i in range(NUM)], [{}] * NUM)
         self.episode = jax.tree.map(jnp.asarray, starts.episode)
         tick = DeviceTick(self.envs.world, self.host.episodes, NUM, None)

@@ -1,7 +1,6 @@
 """Reaching and exploring on a device beside the host: the same terms, fed with the same physics or the same states."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,7 +12,7 @@ from device_beside_host import Both, run
 import symbrion_gym as sg
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.warp.device.state import DeviceState
+from symbrion_gym._src.environment.warp.state import DeviceState
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.tasks.scene import HostArrays
 
@@ -80,8 +79,7 @@ def test_each_simulation_looks_at_its_own_time():
     tick, low, high = np.array([0.0, 3.0, 4.0, 5.0, 11.0, 20.0]), *world.arena.surface.bounds
     position = np.zeros((len(tick), 1, 3))
     host = Looks([world.scene] * len(tick), position, tick)
-    device = object.__new__(DeviceState)
-    device.num, device._course = len(tick), SimpleNamespace(scene=world.scene)  # pyright: ignore
+    device = DeviceState(world, len(tick))
     goal.progress(host)  # pyright: ignore
     device.memory = {name: jnp.asarray(values) for name, values in host.memory.items()}
     for _ in range(12):

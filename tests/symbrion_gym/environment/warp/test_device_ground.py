@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.warp.device.state import DeviceGround
+from symbrion_gym._src.environment.warp.state import DeviceGround
 from symbrion_gym._src.environment.world import World
 
 
