@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from symbrion_gym._src.assets import NAMED_ARENAS
-from symbrion_gym._src.environment.organism_vector_env import make_vector_env
+from symbrion_gym._src.environment.making import make_vector_env
 from symbrion_gym._src.errors import OptionError
 
 TICKS = 50

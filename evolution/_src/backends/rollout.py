@@ -29,7 +29,8 @@ from evolution._src.backends.trials import (
 )
 from evolution._src.controllers.protocol import Controller, reset_rows
 from evolution._src.errors import NoEnvironmentError, RunError
-from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, make_vector_env
+from symbrion_gym._src.environment.making import make_vector_env
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.randomization import LayoutError
 from symbrion_gym._src.errors import OptionError, TaskError
 

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from symbrion_gym._src.environment.dead_reckoning import DeadReckoning, find_goal, measure_way
-from symbrion_gym._src.environment.observation import Observer
+from symbrion_gym._src.environment.observation import DeadReckoning, Observer, find_goal, measure_way
 from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.tasks.checked_terms import check_function
@@ -77,14 +76,6 @@ class Commands:
         raise OptionError(
             f"action[{column}]{where} ({what}) is {actions[row, column]}; a number from -1 to 1 is needed"
         )
-
-
-class Start(NamedTuple):
-    """The start of an episode in one simulation."""
-
-    row: int  # index of the simulation
-    track_speed: float  # [m/s]
-    scene: Scene  # arena and way
 
 
 class Ticks(NamedTuple):
@@ -164,20 +155,21 @@ class Episodes:
             Views(physics.position, physics.rotation, qvel, qvel[:, self._dofs], force[:, self._servos])
         )
 
-    def begin(self, physics: Physics, starts: Sequence[Start]) -> None:
+    def begin(
+        self, physics: Physics, rows: list[int], scenes: Sequence[Scene], speeds: Sequence[float]
+    ) -> None:
         """Start episodes from the present physics: hinges are held as they are and the tracks run forward."""
         self._view(physics)
-        state, rows = self.state, [start.row for start in starts]
-        hinges = self.commands.num_hinges
+        state, hinges = self.state, self.commands.num_hinges
         self.target[rows] = physics.qpos[rows][:, self.world.hinge_qpos]
         self.action[rows, :hinges] = np.clip(self.target[rows] / self.world.servo_range, -1.0, 1.0)
         self.action[rows, hinges:] = 1.0
-        self.track_speed[rows, 0] = [start.track_speed for start in starts]
+        self.track_speed[rows, 0] = speeds
         self.track_odometry[rows] = self.world.scene.start_on_map
         if self.reckoning is not None:
             self.believed[rows], self.headed[rows] = self.reckoning.start, 0
             self._find_direction(rows)
-        state.begin(rows, [start.scene for start in starts], [start.track_speed for start in starts])
+        state.begin(rows, scenes, speeds)
         self._watch.begin(rows)
         self._has_driven[rows] = False
         self.numbers[:, rows] = 0.0

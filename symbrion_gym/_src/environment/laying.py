@@ -65,28 +65,23 @@ class GroundPlacement:
         organism = self._organism
         world = [head.compose(pose) for pose in self._poses]
         spots = np.array([(pose.x, pose.y) for pose in world])[:, None] + _FOOTPRINT
-        if self._level is None:
-            heights = np.asarray(self._arena.height(*spots.reshape(-1, 2).T), dtype=np.float64)
-        else:
-            heights = self._follow_tree(spots, self._level)
+        heights, levels = np.full(spots.shape[:2], np.nan), {-1: self._level}
+        for module in organism.order:
+            level = levels[organism.parents[module]]
+            heights[module] = self._find_ground(*spots[module].T, level)
+            known = heights[module][np.isfinite(heights[module])]
+            levels[module] = known.max() if len(known) and level is not None else level
         if not np.isfinite(heights).any():
             raise self._make_error(head.x, head.y)
         return float(np.nanmax(heights)) + organism.scout.size[2] / 2 + LIFT
 
-    def _follow_tree(self, spots: Float[np.ndarray, "n S 2"], level: float) -> Float[np.ndarray, "n S"]:
-        """Return ground heights below the modules, from each to its neighbors; nan where there is none."""
-        organism = self._organism
-        heights = np.full(spots.shape[:2], np.nan)
-        levels = np.full(organism.num_modules, level)
-        for module in organism.order:
-            parent = organism.parents[module]
-            levels[module] = level if parent < 0 else levels[parent]
-            limit = levels[module] + _STOREY_RISE
-            x, y = spots[module].T
-            heights[module] = self._arena.elevation.height_below(x, y, limit)
-            if np.isfinite(heights[module]).any():
-                levels[module] = np.nanmax(heights[module])
-        return heights
+    def _find_ground(
+        self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"], level: float | None
+    ) -> Float[np.ndarray, " S"]:
+        """Return heights of the ground below what hangs above a level; nan where there is none."""
+        if level is None:
+            return np.asarray(self._arena.height(x, y), dtype=np.float64)
+        return self._arena.elevation.height_below(x, y, level + _STOREY_RISE)
 
     def _make_error(self, x: float, y: float) -> ArenaError:
         return ArenaError(f"the start ({x:.2f}, {y:.2f}) lies off the surface of arena {self._arena.name!r}")
@@ -95,28 +90,16 @@ class GroundPlacement:
         self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"]
     ) -> Float[np.ndarray, " S"]:
         """Return ground heights; beyond the rim, the nearest known one along the line."""
-        level = self._level
-        if level is None:
-            heights = np.asarray(self._arena.height(x, y), dtype=np.float64)
-        else:
-            heights = _follow_storey(self._arena, x, y, level)
+        heights, level = np.full(len(x), np.nan), self._level
+        for first in range(0, len(x), _STRETCH):
+            some = slice(first, first + _STRETCH)
+            heights[some] = self._find_ground(x[some], y[some], level)
+            known = heights[some][np.isfinite(heights[some])]
+            level = known[-1] if len(known) and level is not None else level
         known = np.flatnonzero(np.isfinite(heights))
         if not len(known):
             raise self._make_error(x[0], y[0])
         return np.interp(np.arange(len(heights)), known, heights[known])
-
-
-def _follow_storey(
-    arena: Arena, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"], level: float
-) -> Float[np.ndarray, " S"]:
-    """Return heights of the ground on the storey of a start, below what hangs above it; nan where there is none."""
-    heights = np.full(len(x), np.nan)
-    for first in range(0, len(x), _STRETCH):
-        some = slice(first, first + _STRETCH)
-        heights[some] = arena.elevation.height_below(x[some], y[some], level + _STOREY_RISE)
-        known = heights[some][np.isfinite(heights[some])]
-        level = float(known[-1]) if len(known) else level
-    return heights
 
 
 def _roll_over(heights: Float[np.ndarray, " S"], radius: float) -> Float[np.ndarray, " S"]:
@@ -300,26 +283,26 @@ class Settler:
         is_near = pose.distance < gap + _REACH * step
         distance, leaving = pose.distance[is_near], pose.leaving[is_near]
         rising, sliding = pose.shifting[:, 2], pose.shifting[:, :2].reshape(-1, len(pose.lifting))
-        rows = [
-            (-leaving, -1.0, 0.0),
-            (rising, 0.0, 0.0),
-            (-rising, 0.0, 0.0),
-            (sliding, 0.0, -1.0),
-            (-sliding, 0.0, -1.0),
+        near, n, s = len(leaving), len(rising), len(sliding)
+        friction = np.full(s, _FRICTION / n)
+        still = [np.zeros((n, 1)), np.zeros((n, s))]
+        slips = [np.zeros((s, 1)), -np.eye(s)]
+        limits = [
+            [-leaving, -np.ones((near, 1)), np.zeros((near, s))],
+            *([rising, *still], [-rising, *still], [sliding, *slips], [-sliding, *slips]),
         ]
-        friction = np.full(len(sliding), _FRICTION / len(rising))
         found = linprog(
             np.concatenate([pose.lifting, [_PENALTY], friction]),
-            A_ub=np.concatenate([_join(each, overlap, slide, len(sliding)) for each, overlap, slide in rows]),
-            b_ub=np.concatenate([distance - gap, np.full(2 * len(rising), step), np.zeros(2 * len(sliding))]),
-            bounds=[*self._find_bounds(pose.qpos, step), *[(0.0, None)] * (1 + len(sliding))],
+            A_ub=np.block(limits),
+            b_ub=np.concatenate([distance - gap, np.full(2 * n, step), np.zeros(2 * s)]),
+            bounds=[*self._find_bounds(pose.qpos, step), *[(0.0, None)] * (1 + s)],
             method="highs-ds",
         )
         change = np.zeros(self._model.nv)
         if found.x is None:
             return change, 0.0
         change[self._moving] = found.x[: len(self._moving)]
-        return change, float(friction @ found.x[-len(sliding) :])
+        return change, float(friction @ found.x[-s:])
 
     def _find_bounds(self, qpos: Float[np.ndarray, " nq"], step: float) -> list[tuple[float, float]]:
         """Return the smallest and largest change of each degree of freedom that moves."""
@@ -327,14 +310,6 @@ class Settler:
         low, high = np.maximum(-turn, -self._limit - angle), np.minimum(turn, self._limit - angle)
         free = [(-step, step)] * 3 + [(-turn, turn)] * 2
         return [*free, *zip(low.tolist(), high.tolist(), strict=True)]
-
-
-def _join(
-    rows: Float[np.ndarray, "R m"], overlap: float, slide: float, num_slides: int
-) -> Float[np.ndarray, "R M"]:
-    """Return rows of the linear program: coefficients of the step, of the overlap, and of a slide for each row."""
-    slides = np.eye(len(rows), num_slides) * slide
-    return np.hstack([rows, np.full((len(rows), 1), overlap), slides])
 
 
 def compute_depth(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import gc
 from typing import Any
 
 import gymnasium as gym
@@ -11,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.episodes import Episodes, Start
+from symbrion_gym._src.environment.episodes import Episodes
 from symbrion_gym._src.environment.randomization import begin_episode, draw_domain, make_nominal_domain
 from symbrion_gym._src.environment.rendering import RENDER_MODES, SceneRenderer
 from symbrion_gym._src.environment.world import Physics, World
@@ -230,7 +231,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         begin_episode(world, self.domain, self.model, data.qpos, data.ctrl)
         mujoco.mj_forward(self.model, data)
         physics = self.physics
-        self._episodes.begin(physics, [Start(0, self.domain.track_speed, world.scene)])
+        self._episodes.begin(physics, [0], [world.scene], [self.domain.track_speed])
         info = {**self._episodes.describe(0), **self.domain._asdict()}
         if self._renderer is not None:
             self._renderer.follow(physics.position[0], at_once=True)
@@ -345,12 +346,8 @@ def link_views(source: object, memo: dict[int, Any]) -> None:
         seen.add(id(value))
         if isinstance(value, np.ndarray):
             _copy_array(value, memo)
-        elif isinstance(value, dict):
-            waiting += value.values()
-        elif isinstance(value, list | tuple | set):
-            waiting += value
-        elif type(value).__module__.startswith(_PACKAGE):
-            waiting += getattr(value, "__dict__", {}).values()
+        elif isinstance(value, dict | list | tuple) or type(value).__module__.startswith(_PACKAGE):
+            waiting += gc.get_referents(value)
 
 
 def _copy_array(array: np.ndarray, memo: dict[int, Any]) -> None:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import gymnasium as gym
 import mujoco
 import numpy as np
 from gymnasium.utils import seeding
@@ -16,10 +14,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch
 
-from reconstruction._src.base.extras import require_extras
-from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.episodes import Episodes, Start, Ticks
+from symbrion_gym._src.environment.episodes import Episodes, Ticks
 from symbrion_gym._src.environment.organism_env import OrganismEnv, make_renderer, make_spaces
 from symbrion_gym._src.environment.randomization import (
     Domain,
@@ -28,20 +24,14 @@ from symbrion_gym._src.environment.randomization import (
     begin_episode,
     draw_domain,
     make_nominal_domain,
-    split_options,
+    split_reset,
 )
 from symbrion_gym._src.environment.rendering import RENDER_MODES, SceneRenderer
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 
-if TYPE_CHECKING:
-    from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
-    from symbrion_gym._src.environment.warp.device_vector_env import DeviceVectorEnv
-
 _DIVERGED = BASE_FLAGS.index("diverged")
-ENGINES = ("mujoco", "warp")  # Engines that step the simulations of a vector environment
-ARRAYS = ("numpy", "jax", "torch")  # What it takes and returns; only "warp" knows others than the first
 
 
 class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -103,8 +93,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.model = self.world.model
         self._max_ticks = max_episode_steps
         self._episodes = Episodes(self.world, self.num_envs)
-        self._info_names = self._episodes.number_names + self._episodes.flag_names
-        self._mask_names = tuple(f"_{name}" for name in self._info_names)
+        self._mask_names = tuple(f"_{name}" for name in self._episodes.info_names)
         self._selected = [0] * self.num_envs
         self._make_batch(min(threads, self.num_envs))
         self.observation_structure = self._episodes.observer.structure
@@ -134,17 +123,15 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Lay the organisms down at their starts."""
-        options = dict(options or {})
-        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
-        if mask.shape != (self.num_envs,):
-            raise OptionError(
-                f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}"
-            )
-        rows = [int(row) for row in np.flatnonzero(mask)]
+        mask, split = split_reset(options, self.num_envs)
+        rows = np.flatnonzero(mask).tolist()
         self._seed(seed, rows)
-        self._select(options.pop("stretch", None), rows)
-        split = split_options(options, self.num_envs)
         for row in rows:
+            stretch = split[row].pop("stretch", None)
+            if stretch is not None and stretch not in self._stretches:
+                raise OptionError(f"stretch must be one of {self._stretches}, got {stretch!r}")
+            if stretch is not None:
+                self._selected[row] = self._stretches.index(stretch)
             self._options[row] = split[row]
         self._begin(rows)
         info = self._make_info(mask)
@@ -152,16 +139,6 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             values = np.array([getattr(domain, name) for domain in self._domains])
             info[name], info[f"_{name}"] = np.where(mask, values, 0.0), mask
         return self._add_noise(self._episodes.observe(self._physics), mask), info
-
-    def _select(self, stretch: Any, rows: list[int]) -> None:
-        """Select the worlds in which simulations begin from now on."""
-        if stretch is None:
-            return
-        for row in rows:
-            wanted = stretch if np.ndim(stretch) == 0 else stretch[row]
-            if wanted not in self._stretches:
-                raise OptionError(f"stretch must be one of {self._stretches}, got {wanted!r}")
-            self._selected[row] = self._stretches.index(wanted)
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: list[int]) -> None:
         if not self._rngs:
@@ -178,21 +155,17 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _begin(self, rows: list[int]) -> None:
         """Lay down the organisms of some simulations."""
+        drawn = [draw_domain(self.world, self._options[row], self._rngs[row]) for row in rows]
+        scenes = [self._worlds[self._selected[row]].scene for row in rows]
         self.batch.reset(rows, stage=0)
-        domains, starts = [], []
-        for row in rows:
-            world = self._worlds[self._selected[row]]
-            domain = draw_domain(self.world, self._options[row], self._rngs[row])
-            fields = self._models.select(row, self._selected[row])
+        for row, domain in zip(rows, drawn, strict=True):
+            world, fields = self._worlds[self._selected[row]], self._models.select(row, self._selected[row])
             begin_episode(world, domain, fields, self._qpos[row], self._control[row])
-            domains.append(domain)
-            starts.append(Start(row, domain.track_speed, world.scene))
-        for row, domain in zip(rows, domains, strict=True):
             self._domains[row] = domain
         self._models.commit()
         self.batch.forward(rows)
         self._refresh()
-        self._episodes.begin(self._physics, starts)
+        self._episodes.begin(self._physics, rows, scenes, [domain.track_speed for domain in drawn])
         self._is_done[rows] = False
 
     def step(
@@ -209,20 +182,19 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._is_done = was_done | ended
         info = self._make_info(active)
         observation = self._add_noise(self._episodes.observe(self._physics), active)
-        if has_ended:
-            diverged = np.flatnonzero(self._episodes.flags[_DIVERGED] & ended)
-            if len(diverged):
-                self.batch.reset(diverged)
+        diverged = self._episodes.flags[_DIVERGED] & ended
+        if has_ended and diverged.any():
+            self.batch.reset(np.flatnonzero(diverged))
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and was_done.any():
             observation = self._restart(was_done, observation)
         elif self.autoreset_mode is AutoresetMode.SAME_STEP and has_ended:
             final = np.full(self.num_envs, None, dtype=object)
             for row in np.flatnonzero(ended):
                 final[row] = observation[row].copy()
-            kept = {name: info[name] for name in self._info_names}
+            final_info = info | dict.fromkeys(self._mask_names, ended)
             observation = self._restart(ended, observation)
             info = {**self._make_info(active), "final_obs": final, "_final_obs": ended}
-            info |= {"final_info": {**kept, **{f"_{name}": ended for name in kept}}, "_final_info": ended}
+            info |= {"final_info": final_info, "_final_info": ended}
         return observation, reward, terminated, truncated, info
 
     def _advance(self, actions: np.ndarray, active: np.ndarray) -> Ticks:
@@ -253,9 +225,8 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _make_info(self, mask: np.ndarray) -> dict[str, Any]:
         """Return `info` with Gymnasium's `_name` masks: which simulations a value belongs to."""
-        episodes = self._episodes
-        info: dict[str, Any] = dict(zip(episodes.number_names, episodes.numbers.copy(), strict=True))
-        info.update(zip(episodes.flag_names, episodes.flags.copy(), strict=True))
+        values = *self._episodes.numbers.copy(), *self._episodes.flags.copy()
+        info: dict[str, Any] = dict(zip(self._episodes.info_names, values, strict=True))
         return info | dict.fromkeys(self._mask_names, mask)
 
     def _add_noise(self, observation: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -277,28 +248,13 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return (getattr(self, single),) * self.num_envs
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Call a method, or read an attribute, of every sub-environment.
-
-        `read_records` answers for each; what all share is called once.
-        """
+        """Call a method, or read an attribute, of every sub-environment; what all share is called once."""
         if name == "render":
             return self.render() or (None,) * self.num_envs
         if name == "read_records":
             return tuple(self.read_records(row) for row in range(self.num_envs))
         found = self.get_attr(name)
         return (found[0](*args, **kwargs),) * self.num_envs if callable(found[0]) else found
-
-    def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute: of every sub-environment its `np_random`, all else for all of them together."""
-        each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
-        if len(each) != self.num_envs:
-            raise OptionError(f"{name}: {len(each)} values for {self.num_envs} environments; give one each")
-        if name == "np_random":
-            self._rngs = each
-            return
-        if any(value is not each[0] and value != each[0] for value in each):
-            raise OptionError(f"all simulations share {name!r}; give one value for all of them")
-        setattr(self, name, each[0])
 
     def render(self) -> tuple[Any, ...] | None:
         """Return one image per simulation in the render mode; None without one."""
@@ -322,63 +278,8 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._renderers = []
 
 
-def make_vector_env(
-    num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", **options: Any
-) -> OrganismVectorEnv | DeviceVectorEnv:
-    """Return the vector environment of an id, on the engine that `backend` names, with arrays of a library."""
-    check_choice("backend", backend, ENGINES, OptionError)
-    check_choice("array", array, ARRAYS, OptionError)
-    if backend == "mujoco":
-        if array != "numpy":
-            raise OptionError(f"array={array!r} needs backend='warp'; leave out array")
-        return OrganismVectorEnv(num_envs, **options)
-    if array == "torch" and find_spec("torch") is None:
-        raise OptionError(
-            "array='torch' needs torch, which is not installed: pip install torch, or take 'jax'"
-        )
-    if array == "numpy":
-        from symbrion_gym._src.environment.warp.batch import WarpVectorEnv
-
-        return WarpVectorEnv(num_envs, **options)
-    require_extras("backend 'warp'", "gpu")
-    from symbrion_gym._src.environment.warp.device_vector_env import DeviceVectorEnv
-
-    return DeviceVectorEnv(num_envs, array, **options)
-
-
 def check_count(name: str, value: float) -> int:
     """Return a number of things, which is a whole number above 0."""
     if int(value) != value or value < 1:
         raise OptionError(f"{name} must be a whole number above 0, got {value}")
     return int(value)
-
-
-def make_sb3_env(
-    environment_id: str, num_envs: int = 16, seed: int | None = None, **options: Any
-) -> StableBaselinesEnv:
-    """Return a `VecEnv` of stable-baselines3 over a registered environment.
-
-    Args:
-        environment_id: such as "symbrion_gym/CrossGap-v0".
-        num_envs: number of simulations.
-        seed: environment i is reset with `seed + i`; None for random seeds.
-        options: options of the environment.
-
-    Raises:
-        MissingExtraError: stable-baselines3 is not installed.
-        OptionError: an option is unknown or out of range.
-    """
-    require_extras("`symbrion_gym.make_sb3_env`", "rl")
-    from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
-
-    envs = gym.make_vec(
-        environment_id,
-        num_envs=num_envs,
-        vectorization_mode="vector_entry_point",
-        autoreset_mode=AutoresetMode.SAME_STEP,
-        **options,
-    )
-    adapted = StableBaselinesEnv(envs)
-    if seed is not None:
-        adapted.seed(seed)
-    return adapted

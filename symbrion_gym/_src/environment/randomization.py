@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from mujoco.batch import Batch
 
 from symbrion_gym._src.environment.config import RANDOM_LIMITS, RANDOM_OPTIONS
@@ -106,13 +106,19 @@ def begin_episode(
     world.write_control(control[None], qpos[None, world.hinge_qpos], np.full((1, 1), domain.track_speed))
 
 
-def split_options(options: Mapping[str, Any], num: int) -> list[dict[str, Any]]:
-    """Return the reset options of each of `num` simulations.
+def split_reset(
+    options: Mapping[str, Any] | None, num: int
+) -> tuple[Bool[np.ndarray, " N"], list[dict[str, Any]]]:
+    """Return which of `num` simulations are reset, and the reset options of each.
 
     An array or list with `num` entries gives each its own; a tuple (low, high) and a number go to all.
     """
+    given = dict(options or {})
+    mask = np.asarray(given.pop("reset_mask", np.ones(num)), dtype=bool)
+    if mask.shape != (num,):
+        raise OptionError(f"reset_mask has shape {mask.shape}; give one value for each of {num}")
     split: list[dict[str, Any]] = [{} for _ in range(num)]
-    for name, value in options.items():
+    for name, value in given.items():
         is_shared = isinstance(value, tuple) or np.ndim(value) == 0
         if not is_shared and len(value) != num:
             raise OptionError(
@@ -120,7 +126,7 @@ def split_options(options: Mapping[str, Any], num: int) -> list[dict[str, Any]]:
             )
         for row, one in enumerate(split):
             one[name] = value if is_shared else value[row]
-    return split
+    return mask, split
 
 
 class LayoutError(ArenaError):

@@ -38,10 +38,9 @@ class View(NamedTuple):
 
 
 class Sight:
-    """Lines of sight in a scene; only the arena's surface, as it is drawn, ends them."""
+    """Lines of sight in a simulation; only the arena's surface, as it is drawn, ends them."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Look at a simulation; nothing of it is changed."""
         self._model, self._data = model, data
         self._groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
         self._groups[SURFACE_GROUP] = 1
@@ -155,11 +154,9 @@ def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
 
 
 class SceneRenderer:
-    """Renders one simulation off screen, or in a window.
+    """Renders one simulation off screen, or in a window, from the side; `camera` may be changed between images.
 
-    Attributes:
-        camera: looks at the organism from the side; may be changed between images. Where something of the arena hides
-            the organism from it, an image is taken from the nearest direction that is free.
+    Where something of the arena hides the organism, an image is taken from the nearest direction that is free.
     """
 
     def __init__(
@@ -172,8 +169,6 @@ class SceneRenderer:
         heading: float,
         quality: ArenaQuality | None = None,
     ) -> None:
-        """Prepare; windows and graphics contexts are made at the first image."""
-        self._lag = _LAG
         model.vis.map.znear = min(model.vis.map.znear, _NEAREST / max(model.stat.extent, 1e-6))
         self._model, self._data, self._size = model, data, (width, height)
         self._renderer: mujoco.Renderer | None = None
@@ -205,7 +200,7 @@ class SceneRenderer:
         self._time = self._data.time
         if self._middle is None or at_once or passed < 0.0:
             self._middle = middle
-        self._middle = self._middle + (1.0 - np.exp(-passed / self._lag)) * (middle - self._middle)
+        self._middle = self._middle + (1.0 - np.exp(-passed / _LAG)) * (middle - self._middle)
         self.camera.lookat[:] = self._middle
 
     def _find_free_camera(self) -> mujoco.MjvCamera:

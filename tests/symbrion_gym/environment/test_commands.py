@@ -32,8 +32,7 @@ def test_a_lone_scout_turns_on_the_spot_and_drives_straight(tracks):
     assert np.arctan2(way[1], way[0]) == pytest.approx(find_heading(env), abs=0.1)
 
 
-@pytest.mark.parametrize("tracks", ["spheres", "wheels"])
-@pytest.mark.parametrize("control", ["skid", "modules"])
+@pytest.mark.parametrize(("tracks", "control"), [("spheres", "skid"), ("wheels", "modules")])
 def test_each_number_goes_to_its_own_side_of_its_own_module(tracks, control):
     """In a tree, parts are not in the order of the modules."""
     env = OrganismEnv(organism="H", track_control=control, tracks=tracks)

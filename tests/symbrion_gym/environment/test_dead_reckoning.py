@@ -2,11 +2,11 @@
 
 from math import pi
 
-import gymnasium as gym
 import numpy as np
 import pytest
+from side_by_side import assert_equal_ticks
 
-from symbrion_gym._src.environment.dead_reckoning import find_motion
+from symbrion_gym._src.environment.observation import find_motion
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.robot.organism import cross, snake
@@ -92,32 +92,15 @@ def test_corners_are_passed_by_the_estimate():
     assert read(env, run(env, (0.0, 0.0), 5))[1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_single_and_many_are_equal_to_the_bit_and_equal_seeds_too():
-    options = {**LONE, "task": "reach", "distance": 0.5, "arena": "gsrm", "start": (-2.5, -0.3)}
-    noise = {"yaw": (-0.5, 0.5), "start_offset": (-0.02, 0.02)}
-    for body in (1, "cross"):
-        own = {**options, "organism": body, "start": "floor", "randomize": noise}
-        envs = gym.make_vec(
-            "symbrion_gym/Reach-v0", num_envs=3, vectorization_mode="vector_entry_point", **own
-        )
-        many, _ = envs.reset(seed=4)
-        single = OrganismEnv(**own)
-        one, _ = single.reset(seed=5)
-        rng = np.random.default_rng(0)
-        for _ in range(30):
-            assert many[1].tolist() == one.tolist()
-            actions = rng.uniform(-1, 1, envs.action_space.shape)
-            many, one = envs.step(actions)[0], single.step(actions[1])[0]
-        envs.close()
-
-
-def test_observations_stay_within_their_bounds():
-    env = make(task="reach", goal=None, start="floor", arena="gsrm", distance=0.8)
-    env.reset(seed=1)
-    for _ in range(200):
-        observation = env.step(env.action_space.sample())[0]
-        assert env.observation_space.contains(observation)
-    assert env.observation_space.low[0] == -pi
+@pytest.mark.parametrize("body", [1, "cross"])
+def test_single_and_many_are_equal_to_the_bit(body):
+    options = {**LONE, "task": "reach", "distance": 0.5, "arena": "gsrm", "organism": body}
+    options["randomize"] = {"yaw": (-0.5, 0.5), "start_offset": (-0.02, 0.02)}
+    envs, singles = OrganismVectorEnv(2, **options), [OrganismEnv(**options) for _ in range(2)]
+    many, _ = envs.reset(seed=4)
+    for i, single in enumerate(singles):
+        np.testing.assert_array_equal(single.reset(seed=4 + i)[0], many[i])
+    assert_equal_ticks(envs, singles, 30, np.random.default_rng(0))
 
 
 def test_motion_of_a_straight_body():
@@ -140,3 +123,11 @@ def test_a_part_of_the_simulations_may_begin_first():
     observation, _ = envs.reset(seed=0, options={"reset_mask": np.array([True, False, False])})
     one, _ = OrganismEnv(sensors=("goal_direction",), **options).reset(seed=0)
     assert np.array_equal(observation[0], one)
+
+
+@pytest.mark.parametrize("task", ["explore", "recover"])
+@pytest.mark.filterwarnings("error")
+def test_the_goal_is_zero_where_a_task_has_no_place_to_head_for(task):
+    env = OrganismEnv(organism=1, arena="gsrm", task=task, sensors=("goal",))
+    np.testing.assert_array_equal(env.reset(seed=0)[0], 0.0)
+    np.testing.assert_array_equal(env.step(np.zeros(0))[0], 0.0)

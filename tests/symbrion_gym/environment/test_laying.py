@@ -34,7 +34,7 @@ def assert_rests(env: OrganismEnv, yaw: float) -> None:
     assert np.abs(env.data.qvel).max() < 0.1
 
 
-@pytest.mark.parametrize("body", [cross(1), cross(2), letter_h(), *make_trees(3)])
+@pytest.mark.parametrize("body", [cross(2), letter_h(), *make_trees(2)])
 @pytest.mark.parametrize(
     "where", [RAMP, {"arena": "gsrm"}, {"arena": "stairs", "start": (0.0, 0.2), "goal": (1.5, 0.0)}]
 )
@@ -63,16 +63,13 @@ def test_modules_of_a_cross_follow_a_ramp():
 
 
 def test_a_snake_follows_its_line_as_ever():
-    """On a slope alone, two millimeters above it."""
+    """On a slope alone, two millimeters above it; turned across the ramp, it would lie in the ground and is settled."""
     env = OrganismEnv(**RAMP, modules=3)
     env.reset(seed=0)
     height = env.world.arena.height(-1.2, 0.1) + 0.0525 / np.cos(np.arctan(0.25)) + 0.002
     np.testing.assert_allclose(env.data.qpos[:2], [-1.2, 0.1], atol=1e-12)
     assert env.data.qpos[2] == pytest.approx(height, abs=5e-4)
     np.testing.assert_allclose(env.data.qpos[7:], 0.0, atol=1e-6)
-
-
-def test_a_snake_that_would_lie_in_the_ground_is_settled():
     env = OrganismEnv(**RAMP, modules=8, track_speed=0.0)
     env.reset(seed=0, options={"yaw": 0.6})
     assert -env.data.contact.dist.min(initial=0.0) <= _DEPTH

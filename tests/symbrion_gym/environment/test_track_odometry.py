@@ -46,11 +46,13 @@ def test_tracks_that_slip_are_believed():
     )
 
 
-def test_it_goes_by_the_commanded_speed_of_the_head():
-    environment = OrganismEnv(**OPTIONS, track_control="modules")
-    observation, _ = environment.reset(seed=0)
-    (after,) = [environment.step(np.array([0.0, -0.5, 1.0]))[0]]
-    assert after[0] - observation[0] == pytest.approx(-0.5 * 0.1 * environment.dt, rel=1e-3)
+def test_it_goes_by_the_commanded_speed_of_the_head_the_mean_of_its_sides():
+    for control, speeds in (("modules", [-0.5, 1.0]), ("skid", [-1.0, 0.5, 0.3, 0.3])):
+        environment = OrganismEnv(**OPTIONS, track_control=control)
+        before, _ = environment.reset(seed=0)
+        after = environment.step(np.array([0.0, *speeds]))[0]
+        wanted = -0.5 if control == "modules" else -0.25
+        assert after[0] - before[0] == pytest.approx(wanted * 0.1 * environment.dt, rel=1e-3)
 
 
 def test_a_reset_of_others_adds_nothing():

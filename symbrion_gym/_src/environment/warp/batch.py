@@ -276,23 +276,10 @@ class _WarpModel(SharedModel):
 
 
 class WarpVectorEnv(OrganismVectorEnv):
-    """Many `OrganismEnv` at once on a GPU, or on Warp's CPU device to try it without one.
+    """Many `OrganismEnv` at once whose physics runs on a device, in single precision; see the page on GPUs.
 
-    Made by `gymnasium.make_vec(..., vectorization_mode="vector_entry_point", backend="warp")`. The physics runs on the
-    device in single precision; observations, rewards, terminations and resets are computed by the same code on the
-    host, in NumPy, from what is copied there once a control step: `qpos`, `qvel`, the poses of the bodies, the sensors
-    and the forces of the actuators. Controls and track speeds are copied to the device.
-
-    Results differ from those of `OrganismVectorEnv` by single precision, and after contacts have amplified that, in
-    the course of episodes; see the page on GPUs. On the processor, equal seeds give equal bits.
-
-    It takes the options of `OrganismVectorEnv`, without `num_threads`, `timers` and several `stretches`, and these:
-
-    | argument           | meaning                                                                                  |
-    |--------------------|------------------------------------------------------------------------------------------|
-    | `device`           | "cpu", "cuda:0" and so on; the first GPU by default, the processor where there is none    |
-    | `max_contacts`     | contacts of a simulation for which there is space; as many as geoms that move by default  |
-    | `is_deterministic` | whether equal seeds give equal bits on a GPU, too; its cost has not been measured         |
+    Observations, rewards, terminations and resets are computed by the same code on the host, from what is copied there
+    once a control step.
     """
 
     def __init__(

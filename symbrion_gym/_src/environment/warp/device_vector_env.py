@@ -10,13 +10,13 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, check_count
-from symbrion_gym._src.environment.randomization import Domain, list_random, split_options
+from symbrion_gym._src.environment.randomization import Domain, list_random, split_reset
 from symbrion_gym._src.environment.warp.batch import WarpBatch, list_columns, list_driven
 from symbrion_gym._src.environment.warp.state import Episode
-from symbrion_gym._src.environment.warp.tick import DeviceRun, Orders, RunState
+from symbrion_gym._src.environment.warp.tick import DeviceRun, RunState
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
 
@@ -72,23 +72,12 @@ class StartingEnv(OrganismVectorEnv):
     def _describe(self, observation: np.ndarray) -> Episode:
         """Return the episodes that have just begun."""
         episodes, state = self.episodes, self.episodes.state
-        return Episode(
-            target=episodes.target,
-            action=episodes.action,
-            track_speed=episodes.track_speed[:, 0],
-            track_odometry=episodes.track_odometry,
-            believed=episodes.believed,
-            headed=episodes.headed,
+        kept = {name: getattr(state, name, None) for name in Episode._fields}
+        own = ("target", "action", "track_odometry", "believed", "headed")
+        return Episode(**kept)._replace(
+            **{name: getattr(episodes, name) for name in own},
             start_head=episodes.numbers[0],
-            start_position=state.start_position,
-            start_mean=state.start_mean,
-            start_progress=state.start_progress,
-            start_way=state.start_way,
-            progress=state.progress,
-            tick=state.tick,
-            was_ahead=state.was_ahead,
             held=np.zeros(self.num_envs),
-            memory=dict(state.memory),
             numbers=episodes.numbers.T,
             flags=episodes.flags.T,
             observation=observation,
@@ -126,11 +115,13 @@ class DeviceBatch(WarpBatch):
         for name, values in fields.items():
             self.write(name, values, self._columns.get(name), *chosen)
 
-    def advance(self, orders: Orders, nstep: int) -> dict[str, jax.Array]:
+    def advance(
+        self, control: Float[jax.Array, "nsim nu"], rates: Float[jax.Array, "nsim T"] | None, nstep: int
+    ) -> dict[str, jax.Array]:
         """Step all simulations; return their state by the names of `MjData`, as views until the next call."""
-        self.write("ctrl", self._give(orders.control))
-        if orders.surface is not None:
-            self.write("geom_surfacevel", self._give(orders.surface), self._driven)
+        self.write("ctrl", self._give(control))
+        if rates is not None:
+            self.write("geom_surfacevel", self._give(rates), self._driven)
         self.launch(nstep)
         return self.view()
 
@@ -149,27 +140,10 @@ class DeviceBatch(WarpBatch):
 
 
 class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
-    """Many `OrganismEnv` at once whose observations, rewards, endings and automatic resets stay on the device.
+    """Many `OrganismEnv` at once of which nothing but starts is on the host; see the page on GPUs.
 
-    Made by `gymnasium.make_vec(..., vectorization_mode="vector_entry_point", backend="warp", array="jax")`. The terms
-    of the task are the same functions as on the host, called with arrays of JAX in single precision.
-
-    Starts are laid down on the host, with the circumstances of each: `num_starts` of them at every reset of all
-    simulations. Simulation i begins at start i, modulo their number, which is that of an `OrganismEnv` with seed
-    `seed + i`. An automatic reset begins at one of them at random.
-
-    It takes the options of `WarpVectorEnv`, without `render_mode` and `recorders`, and these:
-
-    | argument     | meaning                                                                                       |
-    |--------------|-----------------------------------------------------------------------------------------------|
-    | `array`      | "jax" or "torch": what `step` takes and returns, on the device of the physics                 |
-    | `num_starts` | starts that are drawn; by default as many as simulations, at least 256 and at most 1024       |
-
-    Actions are not checked, as looking at them would wait for the device: what is no number leaves an action as it
-    was. With the mode "Disabled", a simulation that is done keeps its last observation and `info` until it is reset;
-    only then can some be reset alone (`reset_mask`), or each with options of its own.
-
-    A task with a term that does not run on a device is refused with a `TaskError`.
+    Simulation i begins at start i, modulo their number, which is that of an `OrganismEnv` with seed `seed + i`. An
+    automatic reset begins at one of them at random.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -219,13 +193,9 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Lay the organisms down at their starts."""
-        options = dict(options or {})
-        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
-        if mask.shape != (self.num_envs,) or not mask.any():
-            raise OptionError(
-                f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}, one of them True"
-            )
-        split = split_options(options, self.num_envs)
+        mask, split = split_reset(options, self.num_envs)
+        if not mask.any():
+            raise OptionError("reset_mask is False everywhere; leave it out, or name those that begin")
         if not self._is_disabled and not (mask.all() and all(each == split[0] for each in split)):
             raise OptionError(
                 "reset_mask and reset options of each simulation's own need autoreset_mode='Disabled'; give numbers or "
@@ -279,12 +249,12 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         actions = take_actions(actions, self.batch.jax_device)
         if actions.shape != self.action_space.shape:
             raise OptionError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
-        commanded, orders = self._run.command(self._state.episode, actions)
-        physics = self.batch.advance(orders, self.config.frame_skip)
+        commanded, *orders = self._run.command(self._state.episode, actions)
+        physics = self.batch.advance(*orders, self.config.frame_skip)
         episode, fields = self._starts
-        self._state, out = self._run.finish(self._state, commanded, physics, episode)
-        self.batch.begin(fields, out.stale, out.numbers)
-        return convert((out.observation, out.reward, out.terminated, out.truncated, out.info), self.array)
+        self._state, found, stale, numbers = self._run.finish(self._state, commanded, physics, episode)
+        self.batch.begin(fields, stale, numbers)
+        return convert(found, self.array)
 
     def find_running(self) -> Any:
         """Return which simulations have an episode that has not ended, as an array of JAX."""

@@ -7,34 +7,18 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Bool, Float, Int
 
-from symbrion_gym._src.environment.dead_reckoning import find_goal, measure_way
 from symbrion_gym._src.environment.episodes import Commands, Episodes, add_rewards
+from symbrion_gym._src.environment.observation import find_goal, measure_way
 from symbrion_gym._src.environment.warp.state import DeviceState, Episode, select
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import TaskError
 
 _DIVERGED = 1  # Column of its flag
-
-
-class Orders(NamedTuple):
-    """What is written to the physics before a tick."""
-
-    control: Float[jax.Array, "N nu"]  # controls of the actuators
-    # rates of what drives, about its axis [rad/s]; none where speeds do not change within an episode
-    surface: Float[jax.Array, "N T"] | None
-
-
-class Ended(NamedTuple):
-    """How a tick ended."""
-
-    episode: Episode  # what lasts
-    reward: Float[jax.Array, " N"]  # of the tick
-    terminated: Bool[jax.Array, " N"]  # whether the episode ended by what happened
-    truncated: Bool[jax.Array, " N"]  # whether it was cut off
 
 
 class DeviceTick:
@@ -49,8 +33,11 @@ class DeviceTick:
         self._hold_ticks = max(1, int(np.ceil(hold_time / self._dt - 1e-9)))
         self._last_tick = round(world.task.duration / self._dt)
 
-    def command(self, episode: Episode, actions: Float[jax.Array, "N A"]) -> tuple[Episode, Orders]:
-        """Take actions; what is no number leaves the action as it was."""
+    def command(self, episode: Episode, actions: Float[jax.Array, "N A"]) -> tuple[Episode, jax.Array, Any]:
+        """Take actions; what is no number leaves the action as it was.
+
+        Return episodes, controls `[N, nu]`, and rates of what drives `[N, T]` [rad/s], if they change in an episode.
+        """
         world = self._world
         actions = jnp.where(jnp.isfinite(actions), actions, episode.action)
         action, target = self._commands.take(actions, episode.target, jnp)
@@ -59,14 +46,14 @@ class DeviceTick:
         control = control.at[:, world.hinge_servos].set(target)
         rates = world.compute_rates(self._compute_track_speed(episode), jnp)
         if len(world.wheel_servos):
-            return episode, Orders(control.at[:, world.wheel_servos].set(rates), None)
-        return episode, Orders(control, rates if self._commands.num_tracks else None)
+            return episode, control.at[:, world.wheel_servos].set(rates), None
+        return episode, control, rates if self._commands.num_tracks else None
 
     def _compute_track_speed(self, episode: Episode) -> Float[jax.Array, "N tracks"]:
         return self._commands.compute_track_speed(episode.track_speed[:, None], episode.action)
 
-    def finish(self, episode: Episode, physics: Any) -> Ended:
-        """Return how a tick ended whose physics has just been stepped."""
+    def finish(self, episode: Episode, physics: Any) -> tuple[Episode, jax.Array, jax.Array, jax.Array]:
+        """Return episodes, rewards, and which are over or cut off, after a tick of the physics."""
         state = self._state.look(episode, physics)
         held, flags, terminated, truncated = self._judge(state, episode)
         gained = self._reward(state, terminated | truncated)
@@ -85,7 +72,7 @@ class DeviceTick:
         )
         episode = self._observe(state, episode, physics)
         total: Any = add_rewards(gained) if gained else jnp.zeros(state.num)
-        return Ended(episode, total, terminated, truncated)
+        return episode, total, terminated, truncated
 
     def _observe(self, state: DeviceState, episode: Episode, physics: Any) -> Episode:
         """Return episodes with the way of a tick added to what bodies believe, and their noiseless observations."""
@@ -147,18 +134,6 @@ class RunState(NamedTuple):
     key: jax.Array  # of JAX, for automatic resets and noise
 
 
-class StepResult(NamedTuple):
-    """What a tick returns."""
-
-    observation: Float[jax.Array, "N O"]  # of all simulations
-    reward: Float[jax.Array, " N"]  # of the tick
-    terminated: Bool[jax.Array, " N"]  # whether the episode ended by what happened
-    truncated: Bool[jax.Array, " N"]  # whether it was cut off
-    info: dict[str, Any]  # see `OrganismVectorEnv`
-    stale: Bool[jax.Array, " N"]  # simulations whose physics begins at a start
-    numbers: Int[jax.Array, " N"]  # the start of each of them
-
-
 class DeviceRun:
     """Ticks of N simulations with automatic resets: compiled functions around the physics."""
 
@@ -182,17 +157,11 @@ class DeviceRun:
 
     def check(self, starts: Episode) -> None:
         """Trace a tick, so that terms that do not run on a device are refused before anything is compiled."""
-        model, num = self._world.model, self._num
-        sizes = {
-            "qpos": model.nq,
-            "qvel": model.nv,
-            "sensordata": model.nsensordata,
-            "actuator_force": model.nu,
+        data, names = mujoco.MjData(self._world.model), ("qpos", "qvel", "sensordata", "actuator_force")
+        physics = {
+            name: jax.ShapeDtypeStruct((self._num, *getattr(data, name).shape), np.float32)
+            for name in (*names, "xpos", "xmat", "site_xpos", "site_xmat")
         }
-        shapes: dict[str, tuple[int, ...]] = {name: (num, size) for name, size in sizes.items()}
-        for count, kind in ((model.nbody, "x"), (model.nsite, "site_x")):
-            shapes |= {f"{kind}pos": (num, count, 3), f"{kind}mat": (num, count, 3, 3)}
-        physics = {name: jax.ShapeDtypeStruct(shape, np.float32) for name, shape in shapes.items()}
         state = jax.eval_shape(lambda each: self.make_state(each, 0, None), starts)
         try:
             jax.eval_shape(self._finish, state, state.episode, physics, starts)
@@ -209,15 +178,18 @@ class DeviceRun:
 
     def _finish(
         self, state: RunState, commanded: Episode, physics: dict[str, jax.Array], starts: Episode
-    ) -> tuple[RunState, StepResult]:
-        """Return how a tick ended whose physics has just been stepped, after automatic resets."""
+    ) -> tuple[RunState, tuple[Any, ...], Bool[jax.Array, " N"], Int[jax.Array, " N"]]:
+        """Return how a tick ended whose physics has just been stepped, after automatic resets.
+
+        After the state and what `step` returns come the simulations whose physics begins at a start, and which start.
+        """
         active, before = ~state.is_done, state.episode
         views: Any = self._world.view(partial(_read, physics))  # pyright: ignore[reportArgumentType]
-        ended = self._tick.finish(commanded, views)
+        episode, reward, terminated, truncated = self._tick.finish(commanded, views)
         key, noise_key, start_key = jax.random.split(state.key, 3)
-        seen = self._add_noise(ended.episode.observation, noise_key)
-        episode = select(active, ended.episode._replace(observation=seen), before)
-        terminated, truncated = ended.terminated & active, ended.truncated & active
+        seen = self._add_noise(episode.observation, noise_key)
+        episode = select(active, episode._replace(observation=seen), before)
+        terminated, truncated = terminated & active, truncated & active
         has_ended = terminated | truncated
         reset = {
             AutoresetMode.NEXT_STEP: state.is_done,
@@ -225,7 +197,9 @@ class DeviceRun:
             AutoresetMode.DISABLED: jnp.zeros_like(has_ended),
         }[self._mode]
         stale = reset | (episode.flags[:, _DIVERGED] & has_ended)
-        numbers = self._choose(start_key, len(starts.tick))
+        numbers = jnp.arange(self._num, dtype=jnp.int32)  # each its own
+        if self._mode is not AutoresetMode.DISABLED:
+            numbers = jax.random.randint(start_key, (self._num,), 0, len(starts.tick), dtype=jnp.int32)
         info, final = self.describe(episode, active), episode.observation
         episode = _begin(episode, starts, reset, numbers)
         if self._mode is AutoresetMode.SAME_STEP:
@@ -237,15 +211,9 @@ class DeviceRun:
                 "_final_info": has_ended,
             }
         after = RunState(episode, (state.is_done | has_ended) & ~reset, key)
-        reward = jnp.where(active, ended.reward, 0.0)
-        seen = episode.observation
-        return after, StepResult(seen, reward, terminated, truncated, info, stale, numbers)
-
-    def _choose(self, key: jax.Array, count: int) -> Int[jax.Array, " N"]:
-        """Return the start of each simulation that is reset: at random, its own where none is automatic."""
-        if self._mode is AutoresetMode.DISABLED:
-            return jnp.arange(self._num, dtype=jnp.int32)
-        return jax.random.randint(key, (self._num,), 0, count, dtype=jnp.int32)
+        reward = jnp.where(active, reward, 0.0)
+        found = episode.observation, reward, terminated, truncated, info
+        return after, found, stale, numbers
 
     def _add_noise(self, observation: jax.Array, key: jax.Array) -> jax.Array:
         if not self._noise.any():

@@ -36,26 +36,27 @@ class Both:
             actions: of all simulations.
             unstable: one that the host has found so, and has set back since.
         """
-        commanded, orders = self._command(self.episode, jnp.asarray(actions, dtype=jnp.float32))
+        commanded, sent, _ = self._command(self.episode, jnp.asarray(actions, dtype=jnp.float32))
         self.observation, reward, terminated, truncated, self.info = self.envs.step(actions)
         control = self.envs.batch.bind("ctrl")
-        np.testing.assert_allclose(orders.control[self.running], control[self.running], atol=CLOSE)
+        np.testing.assert_allclose(sent[self.running], control[self.running], atol=CLOSE)
         physics = Physics(*(each.copy() for each in self.envs.world.view(self.envs.batch.bind)))
         if unstable is not None:
             physics.qvel[unstable] = physics.position[unstable] = np.nan
-        ended = self._finish(commanded, Physics(*(jnp.asarray(each, jnp.float32) for each in physics)))
-        self.episode, run = ended.episode, self.running.copy()
+        single = Physics(*(jnp.asarray(each, jnp.float32) for each in physics))  # pyright: ignore
+        self.episode, gained, over, cut = self._finish(commanded, single)
+        run = self.running.copy()
         names = self.host.episodes
         for found, wanted in (
-            (ended.reward, reward),
+            (gained, reward),
             (self._unwind(self.episode.observation), self._unwind(self.observation)),
             (self.episode.numbers, np.array([self.info[name] for name in names.number_names]).T),
         ):
             np.testing.assert_allclose(np.asarray(found)[run], wanted[run], atol=10 * CLOSE)
         flags = np.array([self.info[name] for name in names.flag_names]).T
         for found, wanted in (
-            (ended.terminated, terminated),
-            (ended.truncated, truncated),
+            (over, terminated),
+            (cut, truncated),
             (self.episode.flags, flags),
         ):
             np.testing.assert_array_equal(np.asarray(found)[run], wanted[run])

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from device_beside_host import Both, run
 import symbrion_gym as sg
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.warp.state import DeviceState
+from symbrion_gym._src.environment.warp.state import DeviceGround, DeviceState
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.tasks.scene import HostArrays
 
@@ -91,3 +92,19 @@ def test_each_simulation_looks_at_its_own_time():
             np.testing.assert_allclose(device.memory[name], values, rtol=1e-6)
         tick += 1.0
     assert len(set(goal.progress(host).tolist())) > 3  # pyright: ignore
+
+
+@pytest.mark.parametrize("arena", ["truth", "gsrm"])
+def test_heights_of_the_ground_are_those_of_the_host(arena):
+    scene = World(EnvironmentConfig(arena=arena, modules=2)).scene
+    low, high = scene.arena.surface.bounds
+    x, y = np.random.default_rng(0).uniform(low[:2] - 0.1, high[:2] + 0.1, (2000, 2)).T
+    x[0], x[1] = np.nan, 1e9
+    z = np.full(len(x), 5.0)
+    wanted = scene.find_ground(x, y, z)
+    found = np.asarray(jax.jit(DeviceGround(scene).find_ground)(*np.float32([x, y, z])))
+    assert np.isnan(found[:2]).all()
+    assert (np.isfinite(found) == np.isfinite(wanted)).mean() > 0.999, "but for places on a rim"
+    difference = np.abs(found - wanted)[np.isfinite(wanted) & np.isfinite(found)]
+    assert np.median(difference) < 1e-6
+    assert (difference < 1e-4).mean() > 0.99, "but for places at a wall"
