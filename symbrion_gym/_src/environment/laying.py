@@ -68,7 +68,8 @@ class GroundPlacement:
         heights, levels = np.full(spots.shape[:2], np.nan), {-1: self._level}
         for module in organism.order:
             level = levels[organism.parents[module]]
-            heights[module] = self._find_ground(*spots[module].T, level)
+            x, y = spots[module].T
+            heights[module] = self._find_ground(x, y, level)
             known = heights[module][np.isfinite(heights[module])]
             levels[module] = known.max() if len(known) and level is not None else level
         if not np.isfinite(heights).any():

@@ -268,8 +268,8 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             mujoco.mj_resetData(self.model, self.data)
         if self.render_mode == "human":
             self.render()
-        ends = (terminated.item(), truncated.item()) if has_ended else (False, False)
-        return observation, reward.item(), *ends, {**info, **measured} if measured else info
+        is_over, is_cut = (terminated.item(), truncated.item()) if has_ended else (False, False)
+        return observation, reward.item(), is_over, is_cut, {**info, **measured} if measured else info
 
     def read_records(self) -> dict[str, Any]:
         """Return what the option `recorders` kept of the present episode, by name."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -16,16 +16,8 @@ from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.tracks import compute_surface_velocity
 
-
-class ModelFields(Protocol):
-    """A model, or one simulation's part of a batch's model fields."""
-
-    geom_friction: Float[np.ndarray, "ngeom 3"]  # friction coefficients of the geoms
-    actuator_forcerange: Float[np.ndarray, "nu 2"]  # smallest and largest torque of the actuators [N m]
-    geom_surfacevel: Float[np.ndarray, "ngeom 6"]  # of the geoms, linear [m/s] and angular [rad/s]
-
-
-VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")  # Fields of `ModelFields`
+VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
+"""Fields of the model that differ between simulations."""
 
 
 class Domain(NamedTuple):
@@ -83,13 +75,13 @@ def _draw(name: str, value: Any, rng: np.random.Generator) -> float:
         )
     if bounds[0] > bounds[-1]:
         raise OptionError(f"{name}: the range {value!r} is upside down")
-    return float(bounds[0] if len(bounds) == 1 else rng.uniform(*bounds))
+    return float(bounds[0] if len(bounds) == 1 else rng.uniform(bounds[0], bounds[1]))
 
 
 def begin_episode(
     world: World,
     domain: Domain,
-    fields: ModelFields,
+    fields: Any,  # a model, or one simulation's part of the fields `VARIED` of a batch
     qpos: Float[np.ndarray, " nq"],
     control: Float[np.ndarray, " nu"],
 ) -> None:
@@ -140,7 +132,7 @@ class SharedModel:
         self._world = world
         self._fields = {name: batch.expand(name) for name in VARIED}
 
-    def select(self, row: int, index: int) -> ModelFields:
+    def select(self, row: int, index: int) -> Any:
         """Return the fields of a simulation's own when it begins in world `index`."""
         del index
         return SimpleNamespace(**{name: values[row] for name, values in self._fields.items()})
@@ -179,7 +171,7 @@ class IndividualModels:
         spare = self._spare[index]
         return spare.pop() if spare else self._worlds[index].model.__copy__()
 
-    def select(self, row: int, index: int) -> ModelFields:
+    def select(self, row: int, index: int) -> Any:
         """Return the model of a simulation that begins in world `index`."""
         if self._index[row] != index:
             self._spare[self._index[row]].append(self._models[row])

@@ -24,8 +24,6 @@ _MOST_SHEETS = 8  # Surfaces seen from behind, which are not drawn, that a line 
 _STEP = 1e-4  # A line of sight goes on this far behind a surface [m]
 _CLEARANCE = 0.9  # Share of the free way that is used where no view is free
 _LEAST_DISTANCE = 0.3  # The camera is not nearer to the organism than this [m]
-
-
 _SEEN_SHARE = 0.5  # Share of the points that a free view shows
 
 
@@ -64,23 +62,18 @@ class Sight:
             for turn in _TURNS
         ]
         candidates = [wanted, *([] if current is None else [current]), *views]
+        eyes = [target + view.distance * _find_way(view) for view in candidates]
         best, most = wanted, 0.0
-        for view in candidates:
-            eye = target + view.distance * _find_way(view)
+        for view, eye in zip(candidates, eyes, strict=True):
             share = float(np.mean([np.isinf(self._find_free_way(point, eye)) for point in seen]))
             if share >= _SEEN_SHARE:
                 return view
             if share > most:
                 best, most = view, share
-        return best if most > 0.0 else self._come_near(target, candidates)
-
-    def _come_near(self, target: Float[np.ndarray, " 3"], views: list[View]) -> View:
-        """Return the view with the longest free way to the target, from within that way."""
-        ways = [self._find_free_way(target, target + view.distance * _find_way(view)) for view in views]
-        longest = int(np.argmax(ways))
-        distance = views[longest].distance
-        near = max(_CLEARANCE * ways[longest], min(_LEAST_DISTANCE, distance))
-        return views[longest]._replace(distance=min(near, distance))
+        if most > 0.0:
+            return best
+        free, best = max(zip((self._find_free_way(target, eye) for eye in eyes), candidates, strict=True))
+        return best._replace(distance=min(max(_CLEARANCE * free, _LEAST_DISTANCE), best.distance))
 
     def _find_free_way(self, target: Float[np.ndarray, " 3"], eye: Float[np.ndarray, " 3"]) -> float:
         """Return how far from a target the first surface is that hides it from the camera [m]; inf without one."""
@@ -110,8 +103,6 @@ def _find_way(view: View) -> Float[np.ndarray, " 3"]:
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
 logger = logging.getLogger(__name__)
 _MAX_GEOMS = 4000  # Geoms that an image can hold, beside those of the model
-
-
 _LAG = 0.5
 """Time after which the camera has gone two thirds of the way to the organism [s]; longer is smoother."""
 _DISTANCE = 0.75  # The camera is this far from the organism [m] ..

@@ -44,15 +44,14 @@ def find_arena(config: EnvironmentConfig) -> Arena:
     arena = config.arena
     if not isinstance(arena, Arena | str | Path):
         raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
-    is_made = isinstance(arena, str) and arena in _MADE_IN_CODE
-    if is_made and (config.course or arena in config.default_course):
-        return _make_course_arena(arena, config)
+    if arena in _MADE_IN_CODE and (config.course or arena in config.default_course):
+        return _make_course_arena(str(arena), config)
     if config.course:
         raise ArenaError(
             f"sizes of a course go with an arena made in code, {', '.join(_MADE_IN_CODE)}, not with {str(arena)!r}"
         )
-    if isinstance(arena, str) and arena in _RESIZABLE:
-        return load_arena(arena, pit=config.default_pit if config.pit is None else config.pit)
+    if arena in _RESIZABLE:
+        return load_arena(str(arena), pit=config.default_pit if config.pit is None else config.pit)
     found = arena if isinstance(arena, Arena) else _load(arena, config)
     if config.pit is not None and getattr(found.course, "pit", None) != config.pit:
         raise ArenaError(

@@ -67,15 +67,6 @@ def test_the_noise_of_the_start_is_not_known():
     assert readings == [readings[0]] * 3
 
 
-def test_the_true_pose_is_not_read():
-    """A body that is carried away notices nothing."""
-    env = make()
-    env.reset(seed=0)
-    before = read(env, run(env, (0.0, 0.0), 5))
-    env.data.qpos[1] += 0.3
-    assert read(env, run(env, (0.0, 0.0), 5)) == pytest.approx(before, abs=1e-6)
-
-
 def test_corners_are_passed_by_the_estimate():
     env = make(task="reach", start=(-2.7, -0.5), goal=(-1.9, 0.5), places=((-2.4, 0.2),))
     env.reset(seed=0)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 from side_by_side import assert_equal_ticks
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
@@ -74,12 +73,6 @@ def test_the_configuration_refuses_them_too():
 def test_what_is_no_body_is_refused(options, message):
     with pytest.raises(OrganismError, match=message):
         OrganismEnv(**options)
-
-
-@pytest.mark.parametrize("control", ["constant", "body", "modules", "skid"])
-@pytest.mark.parametrize("organism", [1, "SLSF0000SBSL0000"])
-def test_every_body_passes_the_checker_without_warnings(organism, control):
-    check_env(OrganismEnv(organism=organism, track_control=control), skip_render_check=True)
 
 
 @pytest.mark.parametrize(

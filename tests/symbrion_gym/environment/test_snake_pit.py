@@ -198,7 +198,7 @@ def test_noise_stays_within_the_bounds():
 
 def test_sensor_noise_can_be_chosen():
     options = {
-        "modules": 1,
+        "modules": 2,
         "noise": 2.0,
         "sensors": ["pitch", "roll"],
         "sensor_noise": SensorNoise(pitch=0.03),

@@ -91,14 +91,6 @@ def test_gymnasium_makes_it_by_the_vector_entry_point():
         envs.get_attr("no_such_attribute")
 
 
-def test_async_vector_environments_work():
-    envs = gym.make_vec("symbrion_gym/SnakePit-v1", num_envs=2, vectorization_mode="async", modules=2)
-    envs.reset(seed=0)
-    observation, *_ = envs.step(np.zeros((2, 1)))
-    assert np.isfinite(observation).all()
-    envs.close()
-
-
 def test_a_diverged_simulation_leaves_the_others_alone():
     envs = OrganismVectorEnv(2, modules=3, autoreset_mode="Disabled")
     envs.reset(seed=0)

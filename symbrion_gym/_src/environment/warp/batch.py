@@ -28,7 +28,6 @@ _INPUTS = (
 _ROWS_PER_CONTACT = 4  # Rows of constraints of a contact with pyramidal cones; elliptic ones need three
 _FLOAT_SIZE = 4  # Of a number on the device [bytes]
 _MIN_CONTACTS = 32  # Space for contacts of a world, however small the body
-_TURN = 4  # Entry of a geom's surface velocity that drives: its rate about the lateral axis
 
 
 def import_warp() -> tuple[Any, Any]:
@@ -244,35 +243,26 @@ def list_columns(world: World) -> dict[str, Int[np.ndarray, " C"]]:
     }
 
 
-def list_driven(world: World) -> Int[np.ndarray, " T"]:
-    """Return the entries of the flattened surface velocities that drive, module by module."""
-    return world.track_geoms.ravel() * world.model.geom_surfacevel.shape[1] + _TURN
-
-
 class _WarpModel(SharedModel):
     """One model for all simulations of a `WarpBatch`, to which it passes on what was written."""
 
     def __init__(self, batch: WarpBatch, world: World) -> None:
         super().__init__(cast(Batch, batch), world)
-        self._batch = batch
-        self._columns = {
-            name: (columns, batch.make_indices(columns)) for name, columns in list_columns(world).items()
-        }
-        driven = list_driven(world)
-        self._driven = driven, batch.make_indices(driven)
+        self._batch, self._columns = batch, list_columns(world)
+        self._indices = {name: batch.make_indices(columns) for name, columns in self._columns.items()}
 
     def commit(self) -> None:
-        for name, columns in self._columns.items():
-            self._write(name, *columns)
+        for name in self._columns:
+            self._write(name)
 
     def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
         super().write_track_speed(speed)
         if "geom_surfacevel" in self._columns:
-            self._write("geom_surfacevel", *self._driven)
+            self._write("geom_surfacevel")
 
-    def _write(self, name: str, columns: Int[np.ndarray, " C"], indices: Any) -> None:
-        values = self._fields[name]
-        self._batch.write(name, values.reshape(len(values), -1)[:, columns], indices)
+    def _write(self, name: str) -> None:
+        values = self._fields[name].reshape(self._batch.nsim, -1)[:, self._columns[name]]
+        self._batch.write(name, values, self._indices[name])
 
 
 class WarpVectorEnv(OrganismVectorEnv):

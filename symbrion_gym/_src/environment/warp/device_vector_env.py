@@ -14,13 +14,14 @@ from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, check_count
 from symbrion_gym._src.environment.randomization import Domain, list_random, split_reset
-from symbrion_gym._src.environment.warp.batch import WarpBatch, list_columns, list_driven
+from symbrion_gym._src.environment.warp.batch import WarpBatch, list_columns
 from symbrion_gym._src.environment.warp.state import Episode
 from symbrion_gym._src.environment.warp.tick import DeviceRun, RunState
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
 
 _MOST_AT_ONCE = 32  # Simulations of the host in which starts are laid down
+_DRIVEN = slice(4, None, 6)  # What drives, of surface velocities: the rate of a geom about the lateral axis
 _LEAST_STARTS, _MOST_STARTS = 256, 1024
 """Starts that are drawn for automatic resets, by default as many as simulations within these."""
 
@@ -72,7 +73,7 @@ class StartingEnv(OrganismVectorEnv):
     def _describe(self, observation: np.ndarray) -> Episode:
         """Return the episodes that have just begun."""
         episodes, state = self.episodes, self.episodes.state
-        kept = {name: getattr(state, name, None) for name in Episode._fields}
+        kept: dict[str, Any] = {name: getattr(state, name, None) for name in Episode._fields}
         own = ("target", "action", "track_odometry", "believed", "headed")
         return Episode(**kept)._replace(
             **{name: getattr(episodes, name) for name in own},
@@ -94,8 +95,9 @@ class DeviceBatch(WarpBatch):
     def __init__(self, world: World, nsim: int, **options: Any) -> None:
         super().__init__(world.model, nsim, **options)
         self.jax_device = find_jax_device(self.warp_device)
-        self._columns = {name: self.make_indices(each) for name, each in list_columns(world).items()}
-        self._driven = self.make_indices(list_driven(world))
+        columns = list_columns(world)
+        self._columns = {name: self.make_indices(each) for name, each in columns.items()}
+        self._driven = self.make_indices(columns.get("geom_surfacevel", np.zeros(0, dtype=int))[_DRIVEN])
         places = ("site_xpos", "site_xmat") if world.is_by_site else ("xpos", "xmat")
         self._names = ("qpos", "qvel", "sensordata", "actuator_force", *places)
         self._kept: list[Any] = []  # arrays of JAX that Warp may still read
@@ -213,16 +215,17 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         self._starts = jax.device_put(starts.episode, device), self.batch.put_starts(starts)
         where, which = (jax.device_put(each, device) for each in (mask, numbers))
         self.batch.begin(self._starts[1], where, which)
-        if self._state is None or (mask.all() and seed is not None):
-            first = next((each for each in np.ravel(seed) if each is not None), None)
-            first = self._entropy.generate_state(1)[0] if first is None else first
-            self._state = self._run.make_state(self._starts[0], int(first), device)
-        self._state = self._run.restart(self._state, self._starts[0], where, which)
-        info = self._run.describe(self._state.episode, where)
+        state = self._state
+        if state is None or (mask.all() and seed is not None):
+            first = next((int(each) for each in np.ravel(np.array(seed)) if each is not None), None)
+            first = int(self._entropy.generate_state(1)[0]) if first is None else first
+            state = self._run.make_state(self._starts[0], first, device)
+        self._state = state = self._run.restart(state, self._starts[0], where, which)
+        info = self._run.describe(state.episode, where)
         for name, values in starts.domains.items():
             own = np.where(mask, values[numbers], np.float32(0.0))
             info |= {name: jax.device_put(own, device), f"_{name}": where}
-        return convert((self._state.episode.observation, info), self.array)
+        return convert((state.episode.observation, info), self.array)
 
     def _count_starts(self, options: Mapping[str, Any]) -> int:
         """Return how many starts are drawn; one where nothing is random."""
@@ -237,10 +240,9 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
             return [int(seed) + (int(rows[i]) if i < len(rows) else i) for i in range(count)]
         if len(seed) != self.num_envs:
             raise OptionError(f"{len(seed)} seeds for {self.num_envs} environments; give one each")
-        own = [seed[row] for row in rows[:count]]
-        return [each if given is None else given for given, each in zip(own, fresh, strict=False)] + fresh[
-            len(own) :
-        ]
+        for i, row in enumerate(rows[:count]):
+            fresh[i] = fresh[i] if seed[row] is None else seed[row]
+        return fresh
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Move the targets of the hinges and let a tick pass in every simulation that is not done."""
@@ -249,8 +251,8 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         actions = take_actions(actions, self.batch.jax_device)
         if actions.shape != self.action_space.shape:
             raise OptionError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
-        commanded, *orders = self._run.command(self._state.episode, actions)
-        physics = self.batch.advance(*orders, self.config.frame_skip)
+        commanded, control, rates = self._run.command(self._state.episode, actions)
+        physics = self.batch.advance(control, rates, self.config.frame_skip)
         episode, fields = self._starts
         self._state, found, stale, numbers = self._run.finish(self._state, commanded, physics, episode)
         self.batch.begin(fields, stale, numbers)

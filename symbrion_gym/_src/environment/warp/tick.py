@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -184,7 +183,8 @@ class DeviceRun:
         After the state and what `step` returns come the simulations whose physics begins at a start, and which start.
         """
         active, before = ~state.is_done, state.episode
-        views: Any = self._world.view(partial(_read, physics))  # pyright: ignore[reportArgumentType]
+        views: Any = self._world.view(physics.__getitem__)  # pyright: ignore[reportArgumentType]
+        views = views._replace(rotation=views.rotation.reshape(self._num, -1, 9))
         episode, reward, terminated, truncated = self._tick.finish(commanded, views)
         key, noise_key, start_key = jax.random.split(state.key, 3)
         seen = self._add_noise(episode.observation, noise_key)
@@ -232,9 +232,3 @@ class DeviceRun:
 def _begin(episode: Episode, starts: Episode, mask: jax.Array, numbers: jax.Array) -> Episode:
     """Return episodes of which some are at their starts, whose observations have their noise from the host."""
     return select(mask, jax.tree.map(lambda each: each[numbers], starts), episode)
-
-
-def _read(physics: dict[str, jax.Array], name: str) -> jax.Array:
-    """Return a field of `MjData`, matrices row by row."""
-    found = physics[name]
-    return found.reshape(*found.shape[:2], 9) if found.ndim == 4 else found

@@ -54,23 +54,13 @@ def is_late(state: Any, last: int) -> Any:
     return state.tick >= last
 
 
-@pytest.mark.parametrize("control", ["body", "modules", "skid"])
-def test_driven_tracks_are_commanded_as_on_the_host(control):
-    both = Both(
-        modules=2,
-        pit=0.0,
-        track_control=control,
-        sensors=("track_odometry", "goal_direction", "roll", "goal"),
-    )
-    run(both, 40, -1.0, 1.0)
-
-
-def test_wheels_with_joints_are_commanded_as_on_the_host():
-    from symbrion_gym._src.robot.organism import snake
-    from symbrion_gym._src.robot.scout_constants import ScoutConfig
-
-    body = snake(2, ScoutConfig(tracks="wheels"))
-    run(Both(modules=body, pit=0.0, sensors=("pitch",), track_control="skid"), 20, -1.0, 1.0)
+@pytest.mark.parametrize(
+    ("control", "tracks"),
+    [("body", "spheres"), ("modules", "spheres"), ("skid", "spheres"), ("skid", "wheels")],
+)
+def test_driven_tracks_are_commanded_as_on_the_host(control, tracks):
+    sensors = ("track_odometry", "goal_direction", "roll", "goal")
+    run(Both(modules=2, pit=0.0, tracks=tracks, track_control=control, sensors=sensors), 40, -1.0, 1.0)
 
 
 @pytest.mark.parametrize("task", ["cross_gap", "traverse", "recover"])
