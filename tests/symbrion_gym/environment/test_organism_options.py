@@ -1,12 +1,9 @@
 """The option organism, and options that contradict each other."""
 
-import numpy as np
 import pytest
-from side_by_side import assert_equal_ticks
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.organism_env import OrganismEnv
-from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.errors import OptionError, OrganismError
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
@@ -73,23 +70,6 @@ def test_the_configuration_refuses_them_too():
 def test_what_is_no_body_is_refused(options, message):
     with pytest.raises(OrganismError, match=message):
         OrganismEnv(**options)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"organism": "cross1", "track_control": "skid", "tracks": "wheels"},
-        {"organism": snake(3, ScoutConfig(dofs=2)), "track_control": "modules"},
-        {"organism": "H", "track_control": "body", "noise": 0.0, "start": (-1.2, 0.1), "goal": (1.0, 0.0)},
-    ],
-)
-def test_vector_and_single_agree_to_the_bit(options):
-    vector = OrganismVectorEnv(2, **options)
-    singles = [OrganismEnv(**options) for _ in range(2)]
-    first, _ = vector.reset(seed=3)
-    for i, single in enumerate(singles):
-        np.testing.assert_array_equal(first[i], single.reset(seed=3 + i)[0])
-    assert_equal_ticks(vector, singles, 60, np.random.default_rng(0))
 
 
 def test_messages_do_not_list_what_registered_ids_set():

@@ -8,6 +8,8 @@ from side_by_side import assert_equal_ticks
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.robot.organism import cross, snake
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.sensing.timing import timing
 
 RESET = {
@@ -19,10 +21,15 @@ RESET = {
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"noise": 1.0, "track_control": "modules"}, {"tracks": "wheels", "modules": 2}]
+    ("threads", "options"),
+    [
+        (1, {}),
+        (2, {"noise": 1.0, "track_control": "modules"}),
+        (1, {"modules": snake(3, ScoutConfig(dofs=2)), "track_control": "body"}),
+        (2, {"modules": cross(1), "tracks": "wheels", "track_control": "skid"}),
+    ],
 )
-@pytest.mark.parametrize("threads", [1, 2])
-def test_vector_and_single_agree_to_the_bit(options, threads):
+def test_vector_and_single_agree_to_the_bit(threads, options):
     options = {"modules": 4, "start": "pit", "pit": 0.3, "stuck_time": 2.0, **options}
     vector = OrganismVectorEnv(4, num_threads=threads, autoreset_mode="Disabled", **options)
     singles = [OrganismEnv(**options) for _ in range(4)]

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
 from reconstruction._src.base.extras import require_extras
-from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, check_count
 from symbrion_gym._src.environment.randomization import VARIED, LayoutError, SharedModel
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
@@ -68,13 +68,12 @@ class WarpBatch:
         max_contacts: int | None = None,  # of a simulation; None for one for each geom that moves
         is_deterministic: bool = False,  # whether contacts and sums have a fixed order on a GPU, too
     ) -> None:
-        if max_contacts is not None and (int(max_contacts) != max_contacts or max_contacts < 1):
-            raise OptionError(f"max_contacts must be a whole number above 0, got {max_contacts!r}")
         self.warp, self._mjw = import_warp()
         self.warp_device = find_device(device)
         self.nsim, self.device = nsim, str(self.warp_device)
         moving = int(np.count_nonzero((model.geom_bodyid > 0) & (model.geom_contype > 0)))
-        self.max_contacts = int(max_contacts or max(moving, _MIN_CONTACTS))
+        usual = max(moving, _MIN_CONTACTS)
+        self.max_contacts = check_count("max_contacts", usual if max_contacts is None else max_contacts)
         self._host_model, self._probe = model.__copy__(), mujoco.MjData(model)
         self._make(model.__copy__(), is_deterministic)
         self._host: dict[str, np.ndarray] = {}
