@@ -182,9 +182,9 @@ def run(
 
 
 def _find_device() -> str:
-    from symbrion_gym._src.environment.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.environment.warp.batch import find_device
 
-    return find_device(import_warp()[0], None).alias
+    return find_device(None).alias
 
 
 if __name__ == "__main__":

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.loading import load_arena
     from symbrion_gym._src.arenas.making import load_tiles, make_arena
     from symbrion_gym._src.arenas.object_placing import place_objects
+    from symbrion_gym._src.environment.making import make_sb3_env
     from symbrion_gym._src.environment.organism_env import OrganismEnv
     from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-    from symbrion_gym._src.environment.stable_baselines import make_sb3_env
     from symbrion_gym._src.errors import ArenaError, OrganismError, SymbrionGymError, TaskError
     from symbrion_gym._src.robot.belts import add_tracks
     from symbrion_gym._src.robot.body_plans import load_organism, make_random_organism, organism_to_text

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.material.warp_speed import find_array, find_task, make_actions, wait
-from symbrion_gym._src.environment.warp.making import make_vector_env
+from symbrion_gym._src.environment.making import make_vector_env
 
 ROUNDS, TICKS = 7, 10
 """Of the paired measurement: both environments take turns."""

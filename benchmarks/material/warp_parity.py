@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.material.crossings import cross, draw_conditions, draw_controllers
 from benchmarks.material.warp_steps import compare, find_same, make_setting, run_reference, run_warp
+from symbrion_gym._src.environment.making import make_vector_env
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.warp.making import make_vector_env
 
 ARENAS = ("truth", "simple", "gsrm", "gg")
 OFFSET = 1e-6

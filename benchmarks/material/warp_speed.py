@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from symbrion_gym._src.assets import NAMED_ARENAS
-from symbrion_gym._src.environment.warp.making import make_vector_env
+from symbrion_gym._src.environment.making import make_vector_env
 from symbrion_gym._src.errors import OptionError
 
 TICKS = 50
@@ -24,11 +24,11 @@ def find_task(arena: str) -> dict[str, Any]:
 
 def find_array(device: str) -> str:
     """Return "jax" where JAX sees a device of Warp, and "numpy" where only Warp does."""
-    from symbrion_gym._src.environment.warp.device.run import find_jax_device
-    from symbrion_gym._src.environment.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.environment.warp.batch import find_device
+    from symbrion_gym._src.environment.warp.device_vector_env import find_jax_device
 
     try:
-        find_jax_device(find_device(import_warp()[0], device))
+        find_jax_device(find_device(device))
     except OptionError as error:
         print(f"measured with array='numpy': {error}", flush=True)
         return "numpy"
@@ -51,15 +51,13 @@ def measure_host(arena: str) -> dict[str, float]:
 def measure_device(
     arena: str, count: int, device: str, array: str = "jax", ticks: int = TICKS
 ) -> dict[str, float]:
-    """Return the speed on a device, the time to the first step, the parts of a control step, and memory.
-
-    A part is waited for before the next begins, so that the parts together take longer than a step.
+    """Return the speed on a device, the time to the first step, and memory.
 
     Args:
         arena: name or folder.
         count: number of simulations.
         device: of Warp.
-        array: "jax" or "torch" keep everything on the device; "numpy" only the physics, and its parts are not measured.
+        array: "jax" or "torch" keep everything on the device; "numpy" only the physics.
         ticks: of the measurement, after as many to warm up.
     """
     began = time.perf_counter()
@@ -78,11 +76,6 @@ def measure_device(
     for _ in range(ticks):
         envs.step(actions)
     row = _summarize(envs, wait(envs) - start, ticks)
-    if array != "numpy":
-        names = ("ms_of_commands", "ms_of_physics", "ms_of_terms")
-        own = make_actions(envs, "jax")
-        parts = np.median([envs.time_parts(own) for _ in range(ticks)], axis=0)
-        row |= dict(zip(names, 1e3 * parts, strict=True))
     row |= {
         "seconds_to_make": made - began,
         "seconds_to_lay_down": laid - made,
@@ -120,9 +113,9 @@ def wait(envs: Any) -> float:
 
 def _find_memory(device: str) -> float:
     """Return the memory in use on a GPU, of all its processes [bytes]; 0 on the processor."""
-    from symbrion_gym._src.environment.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.environment.warp.batch import find_device
 
-    found = find_device(import_warp()[0], device)
+    found = find_device(device)
     return 0.0 if found.is_cpu else float(found.total_memory - found.free_memory)
 
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from benchmarks.material.crossings import draw_conditions
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.warp.batch import VARIED, WarpBatch
+from symbrion_gym._src.environment.randomization import VARIED
+from symbrion_gym._src.environment.warp.batch import WarpBatch
 
 STEPS_PER_ACTION = 100
 """Random actions are held for so long: half a second."""
@@ -110,9 +111,7 @@ def run_warp(setting: Setting, device: str) -> Iterator[Moment]:
     count = len(setting.qpos)
     batch = WarpBatch(setting.model, count, device)
     for name, values in setting.fields.items():
-        batch.expand(name)[:] = values
-        flat = values.reshape(count, -1)
-        batch.write_field(name, np.arange(count), np.arange(flat.shape[1]), flat)
+        batch.write(name, values)
     qpos, control = batch.bind("qpos"), batch.bind("ctrl")
     qpos[:] = setting.qpos
     for each in setting.control:

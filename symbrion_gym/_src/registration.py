@@ -101,7 +101,7 @@ def register() -> None:
             gym.register(
                 name,
                 entry_point="symbrion_gym._src.environment.organism_env:OrganismEnv",
-                vector_entry_point="symbrion_gym._src.environment.warp.making:make_vector_env",
+                vector_entry_point="symbrion_gym._src.environment.making:make_vector_env",
                 reward_threshold=THRESHOLDS[name],
                 kwargs=dict(options),
             )

@@ -104,17 +104,12 @@ def test_speed_is_measured_with_torch(stored):
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_gpu")
 def test_where_jax_sees_no_gpu_only_the_physics_is_on_it(monkeypatch, stored):
-    import symbrion_gym._src.environment.warp.device.run
-    import symbrion_gym._src.environment.warp.device.vector_env
+    from symbrion_gym._src.environment.warp import device_vector_env
 
     def refuse(device):
         raise OptionError("JAX does not see device")
 
-    for module in (
-        symbrion_gym._src.environment.warp.device.vector_env,
-        symbrion_gym._src.environment.warp.device.run,
-    ):
-        monkeypatch.setattr(module, "find_jax_device", refuse)
+    monkeypatch.setattr(device_vector_env, "find_jax_device", refuse)
     assert benchmark.run(True, "cpu", worlds=(2,), only=("speed", "determinism"), arenas=("truth",)) == []
     assert stored["speed_numpy"]["array"] == stored["determinism"]["2 worlds"]["array"] == "numpy"
     trials = Trials(arena="truth", modules=3, controller="path", count=1, duration=0.5, start="pit")

@@ -30,14 +30,14 @@ from evolution._src.backends.trials import (
 )
 from evolution._src.controllers.protocol import Controller, reset_rows
 from evolution._src.errors import NoEnvironmentError, RunError
-from symbrion_gym._src.environment.models import LayoutError
+from symbrion_gym._src.environment.making import make_vector_env
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.warp.making import make_vector_env
+from symbrion_gym._src.environment.randomization import LayoutError
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.robot.organism import Organism
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.environment.warp.device.vector_env import DeviceVectorEnv
+    from symbrion_gym._src.environment.warp.device_vector_env import DeviceVectorEnv
 
 logger = logging.getLogger(__name__)
 

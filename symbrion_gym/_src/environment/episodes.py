@@ -8,17 +8,16 @@ terminations, goal and the rewards at the end are not even called.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from symbrion_gym._src.environment.commands import Commands
-from symbrion_gym._src.environment.dead_reckoning import DeadReckoning
-from symbrion_gym._src.environment.observation import Observer
+from symbrion_gym._src.environment.observation import DeadReckoning, Observer, find_goal, measure_way
 from symbrion_gym._src.environment.world import Physics, World, make_slice
+from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.tasks.state import MEASURES, Scene, TaskState, Views, check_function
-from symbrion_gym._src.tasks.task import Task
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 from symbrion_gym._src.tasks.watch import Watch
 
@@ -26,23 +25,55 @@ _LOWEST = MEASURES.index("lowest")  # Heights of the lowest modules, and the lea
 _SOUND = 0.98  # Share of the square of the largest rate at which the sum of all squares leaves no doubt
 
 
-def name_numbers(task: Task) -> tuple[str, ...]:
-    """Return the names of the numbers of `info`."""
-    rewards = tuple(f"reward_{term.name}" for term in task.rewards)
-    return ("x_position", "progress", "time", *rewards, "lowest_module", "least_upright")
+class Commands:
+    """From actions to targets of the hinges' servos and speeds of the tracks, of arrays of NumPy or JAX."""
 
+    def __init__(self, world: World, num: int = 1) -> None:
+        config, modules = world.config, world.num_modules
+        numbers = {"constant": 0, "body": 1, "modules": modules, "skid": 2 * modules}
+        self.num_tracks = numbers[config.track_control]  # of track speeds in an action
+        self.num_actions = world.num_hinges + self.num_tracks
+        self.num_hinges, self._is_skid = world.num_hinges, config.track_control == "skid"
+        # Limits have a row for each simulation on the host: they are applied faster than by broadcasting.
+        self._highest = np.ones((num, self.num_actions))
+        self._lowest = -self._highest
+        self._range = np.tile(world.servo_range, (num, 1))
+        self._turn = np.full((num, self.num_hinges), world.organism.scout.hinge_speed * config.dt)
+        self._back = -self._turn
 
-def name_flags(task: Task) -> tuple[str, ...]:
-    """Return the names of the flags of `info`."""
-    return BASE_FLAGS + tuple(term.name for term in task.terminations)
+    def take(
+        self, actions: Float[Any, "N A"], target: Float[Any, "N h"], xp: Any
+    ) -> tuple[Float[Any, "N A"], Float[Any, "N h"]]:
+        """Return actions clipped to ±1, and the targets of the servos, which move at their speed."""
+        action = xp.minimum(xp.maximum(actions, self._lowest), self._highest)
+        hinges = action[:, : self.num_hinges] if self.num_tracks else action
+        turn = hinges * self._range - target
+        return action, target + xp.minimum(xp.maximum(turn, self._back), self._turn)
 
+    def compute_track_speed(self, speed: Float[Any, "N 1"], action: Float[Any, "N A"]) -> Float[Any, "N T"]:
+        """Return commanded track speeds [m/s], one, or one for each module or side."""
+        return speed * action[:, self.num_hinges :] if self.num_tracks else speed
 
-class Start(NamedTuple):
-    """The start of an episode in one simulation."""
+    def compute_head_speed(self, track_speed: Float[Any, "N T"]) -> Float[Any, " N"]:
+        """Return the commanded speed of the head's tracks [m/s], the mean of its sides."""
+        return track_speed[:, :2].mean(axis=1) if self._is_skid else track_speed[:, 0]
 
-    row: int  # index of the simulation
-    track_speed: float  # [m/s]
-    scene: Scene | None = None  # arena and way, if the simulation is in another world than before
+    def refuse_infinite(
+        self, actions: Float[np.ndarray, "N A"], active: Bool[np.ndarray, " N"] | None
+    ) -> None:
+        """Refuse what is no number in the simulations that are stepped."""
+        wrong = ~np.isfinite(actions)
+        if active is not None:
+            wrong &= active[:, None]
+        if not wrong.any():
+            return
+        row, column = (int(each) for each in np.argwhere(wrong)[0])
+        where = f" of simulation {row}" if len(actions) > 1 else ""
+        track = column - self.num_hinges
+        what = f"hinge {column}" if track < 0 else f"track speed {track}"
+        raise OptionError(
+            f"action[{column}]{where} ({what}) is {actions[row, column]}; a number from -1 to 1 is needed"
+        )
 
 
 class Ticks(NamedTuple):
@@ -55,104 +86,92 @@ class Ticks(NamedTuple):
 
 
 class Episodes:
-    """The memory of N episodes, and how a tick (a control step) changes it.
-
-    Attributes:
-        commands: what the actions command.
-        observer: how observations are read.
-        state: what the terms of the task see.
-        reckoning: where the bodies believe they are; None where they do not observe `goal_direction`.
-        number_names: names of the numbers of `info`.
-        flag_names: names of the flags of `info`.
-        info_names: both.
-        numbers: `[numbers, N]` numbers of `info` at the last tick or reset of each.
-        flags: `[flags, N]` likewise its flags.
-        num_tracks: number of track speeds in an action.
-        num_actions: length of an action.
-    """
+    """The memory of N episodes, and how a tick (a control step) changes it."""
 
     def __init__(self, world: World, num: int) -> None:
-        self.world, task = world, world.task
-        self._dt = world.config.dt
+        task, dt = world.task, world.config.dt
+        self.world, self._dt = world, dt
         self.commands = Commands(world, num)
-        self.num_tracks, self.num_actions = self.commands.num_tracks, self.commands.num_actions
-        self.target, self.action = self.commands.target, self.commands.action
-        self.observer = Observer(world, self.action, self.target)
-        is_reckoned = "goal_direction" in self.observer.structure
-        self.reckoning = (
-            DeadReckoning(world, self.commands, self.observer.goal_direction) if is_reckoned else None
-        )
-        self.scene = world.scene
-        self.state = TaskState(self.scene, task.goal, num, self._dt, self.action)
+        self.target = np.zeros((num, world.num_hinges))  # commanded angles of the servos [rad]
+        self.action = np.zeros((num, self.commands.num_actions))  # the last action, after clipping
+        self.track_speed = np.zeros((num, 1))  # at an action of 1 [m/s]
+        self.observer = Observer(world, num, self.commands.num_actions)
+        self._own = self.observer.own
+        self._own |= {"previous_action": self.action, "hinge_target": self.target}
+        self._has_odometry, self._has_goal = "odometry" in self._own, "goal" in self._own
+        is_reckoned = "goal_direction" in self._own
+        self.reckoning = DeadReckoning(world) if is_reckoned else None
+        self.believed = np.zeros((num, 3))  # poses of the heads by dead reckoning [m, rad]
+        self.headed = np.zeros(num, dtype=np.int64)  # numbers of the places that bodies believe to head for
+        self.track_odometry = self._own.get("track_odometry", np.zeros((num, 1)))
+        self._integrates = is_reckoned or "track_odometry" in self._own
+        self._has_driven = np.zeros(num, dtype=bool)
+        self.state = TaskState(world.scene, task.goal, num, dt, self.action)
         self._watch = Watch(task, self.state)
         self._largest_squares = _SOUND * self.state.criteria.max_rate**2
-        self.number_names, self.flag_names = name_numbers(task), name_flags(task)
+        rewards = tuple(f"reward_{term.name}" for term in task.rewards)
+        self.number_names = ("x_position", "progress", "time", *rewards, "lowest_module", "least_upright")
+        self.flag_names = BASE_FLAGS + tuple(term.name for term in task.terminations)
         self.info_names = self.number_names + self.flag_names
-        self.flags = self._watch.flags
-        self.numbers, self._scratch = np.zeros((2, len(self.number_names), num))
-        coefficients = [term.weight * (self._dt if term.per_second else 1.0) for term in task.rewards]
-        factors = [np.full(num, each) for each in coefficients]
-        terms = list(enumerate(zip(task.rewards, factors, strict=True)))
-        self._given = [index for index, (term, _) in terms if not term.at_end]
-        self._tick_length = np.full(num, self._dt)
-        functions = [check_function(f"reward {term.name!r}", term.function) for term in task.rewards]
-        self._rewards = [(functions[index], factor) for index, (term, factor) in terms if not term.at_end]
-        self._final_rewards = [
-            (index, functions[index], factor) for index, (term, factor) in terms if term.at_end
+        self.flags = self._watch.flags  # `[flags, N]` of `info` at the last tick or reset of each
+        self.numbers = np.zeros((len(self.number_names), num))  # `[numbers, N]` likewise
+        self._head, self._gained, self._time = self.numbers[:3]
+        self._gains, self._lows = list(self.numbers[3:-2]), self.numbers[-2:]
+        self._tick_length = np.full(num, dt)
+        terms = [
+            (
+                check_function(f"reward {term.name!r}", term.function),
+                np.full(num, term.weight * (dt if term.per_second else 1.0)),
+                row,
+            )
+            for term, row in zip(task.rewards, self._gains, strict=True)
         ]
-        self._last_reward = 3 + len(task.rewards)
+        is_final = [term.at_end for term in task.rewards]
+        self._rewards = [term for term, at_end in zip(terms, is_final, strict=True) if not at_end]
+        self._final_rewards = [term for term, at_end in zip(terms, is_final, strict=True) if at_end]
+        self._given = [row for _, _, row in self._rewards]
         self._has_final = False
         self._start_head = np.zeros(num)
-        self._has_driven = np.zeros(num, dtype=bool)
-        servos, dofs = world.hinge_servos, world.hinge_dof
-        self._servos, self._dofs = make_slice(servos), make_slice(dofs)
+        self._servos, self._dofs = make_slice(world.hinge_servos), make_slice(world.hinge_dof)
         self._is_live = world.is_sliced and isinstance(self._servos, slice) and isinstance(self._dofs, slice)
         self._viewed: Physics | None = None
         self._rates: np.ndarray | None = None
         self._ends = self.state.measures[_LOWEST : _LOWEST + 2]
-        self._tables = self._split(self.numbers), self._split(self._scratch)
         self._columns = list(zip(self.numbers.T, self.flags.T, strict=True))
         self._never = np.zeros(num, dtype=bool)
         self._recorders = world.config.recorders
 
-    def _split(self, table: np.ndarray) -> tuple[Any, ...]:
-        """Return a table and the rows of it that each tick writes."""
-        head, gained, time = table[:3]
-        rewards = [*table[3 : self._last_reward]]
-        given = [rewards[index] for index in self._given]
-        terms = [(*term, row) for term, row in zip(self._rewards, given, strict=True)]
-        return table, head, gained, time, rewards, given, terms, table[self._last_reward :]
-
     def _view(self, physics: Physics) -> None:
         """Let the state read from the physics; once, where its views stay valid while it goes on."""
-        if physics is not self._viewed or not self._is_live:
-            self._viewed = physics
-            self._rates = physics.qvel.reshape(-1) if physics.qvel.flags.c_contiguous else None
-            qvel, force = physics.qvel, physics.actuator_force
-            views = Views(
-                physics.position, physics.rotation, qvel, qvel[:, self._dofs], force[:, self._servos]
-            )
-            self.state.bind(views)
-            self._head = self.state.along[:, 0]
+        if physics is self._viewed and self._is_live:
+            return
+        self._viewed = physics
+        qvel, force = physics.qvel, physics.actuator_force
+        self._rates = qvel.reshape(-1) if qvel.flags.c_contiguous else None
+        self.state.bind(
+            Views(physics.position, physics.rotation, qvel, qvel[:, self._dofs], force[:, self._servos])
+        )
 
-    def begin(self, physics: Physics, starts: Sequence[Start]) -> None:
-        """Start episodes from the present physics."""
+    def begin(
+        self, physics: Physics, rows: list[int], scenes: Sequence[Scene], speeds: Sequence[float]
+    ) -> None:
+        """Start episodes from the present physics: hinges are held as they are and the tracks run forward."""
         self._view(physics)
-        state, rows = self.state, [start.row for start in starts]
-        for row, speed, _ in starts:
-            self.commands.begin(row, physics.qpos[row, self.world.hinge_qpos], speed)
-            self.observer.track_odometry[row] = self.scene.start_on_map
-        scenes = [start.scene or state.scenes[start.row] for start in starts]
+        state, hinges = self.state, self.commands.num_hinges
+        self.target[rows] = physics.qpos[rows][:, self.world.hinge_qpos]
+        self.action[rows, :hinges] = np.clip(self.target[rows] / self.world.servo_range, -1.0, 1.0)
+        self.action[rows, hinges:] = 1.0
+        self.track_speed[rows, 0] = speeds
+        self.track_odometry[rows] = self.world.scene.start_on_map
         if self.reckoning is not None:
-            self.reckoning.begin(rows, scenes)
-        state.begin(rows, scenes, [start.track_speed for start in starts])
+            self.believed[rows], self.headed[rows] = self.reckoning.start, 0
+            self._find_direction(rows)
+        state.begin(rows, scenes, speeds)
         self._watch.begin(rows)
-        self._start_head[rows] = state.along[rows, 0]
         self._has_driven[rows] = False
         self.numbers[:, rows] = 0.0
-        self.numbers[0, rows] = state.along[rows, 0]
-        self._head = state.along[:, 0]
-        self.numbers[self._last_reward :, rows] = self._ends[:, rows]
+        self._start_head[rows] = self._head[rows] = state.along[rows, 0]
+        self._lows[:, rows] = self._ends[:, rows]
         if self._recorders:
             begun = self._never.copy()
             begun[rows] = True
@@ -169,47 +188,49 @@ class Episodes:
     def command(
         self, actions: Float[np.ndarray, "N A"], active: Bool[np.ndarray, " N"] | None = None
     ) -> tuple[Float[np.ndarray, "N h"], Float[np.ndarray, "N tracks"]]:
-        """Take actions; see `Commands.take`."""
-        target, speed = self.commands.take(actions, active)
-        if self.observer.has_track_odometry:
+        """Take actions; return the targets of the servos and the speeds of the tracks."""
+        if not isfinite(np.vdot(actions, actions)):
+            self.commands.refuse_infinite(actions, active)
+        if active is None:
+            self.action[...], self.target[...] = self.commands.take(actions, self.target, np)
+        else:
+            actions = np.where(active[:, None], actions, self.action)
+            self.action[...], target = self.commands.take(actions, self.target, np)
+            np.copyto(self.target, target, where=active[:, None])
+        if self._integrates:
             self._has_driven[:] = True if active is None else active
-        if self.reckoning is not None:
-            self.reckoning.take(active)
-        return target, speed
+        return self.target, self.commands.compute_track_speed(self.track_speed, self.action)
 
     def observe(self, physics: Physics) -> Float[np.ndarray, "N O"]:
         """Return noiseless observations, within their bounds."""
-        if self.observer.has_odometry:
-            self.observer.odometry[:, 0] = self.state.along[:, 0] - self._start_head
-        if self.observer.has_track_odometry:
-            self._integrate_track_odometry(physics)
-        if self.observer.has_goal:
-            self._find_goal()
-        if self.reckoning is not None:
-            self.reckoning.observe(physics)
+        if self._has_odometry:
+            self._own["odometry"][:, 0] = self.state.along[:, 0] - self._start_head
+        if self._has_goal:
+            self._own["goal"][...] = find_goal(self.state)
+        if self._integrates and self._has_driven.any():
+            self._integrate(physics)
         return self.observer.read(physics)
 
-    def _find_goal(self) -> None:
-        """Find the place to head for as the head sees it; zeros where a task has none."""
-        state = self.state
-        head = state.position[:, 0, :2]
-        x, y = (np.where(np.isfinite(state.target), state.target, head) - head).T
-        c, s = state.rotation[:, 0, 0], state.rotation[:, 0, 3]
-        length = np.maximum(np.hypot(c, s), 1e-9)
-        np.divide(x * c + y * s, length, out=self.observer.goal[:, 0])
-        np.divide(y * c - x * s, length, out=self.observer.goal[:, 1])
-
-    def _integrate_track_odometry(self, physics: Physics) -> None:
-        """Add the way of the last tick, once: what the head's tracks ran, as steep as its pitch."""
-        level = np.sqrt(np.maximum(1.0 - physics.rotation[:, 0, 6] ** 2, 0.0))
-        way = self._dt * self.commands.compute_head_speed() * level
-        self.observer.track_odometry[self._has_driven, 0] += way[self._has_driven]
+    def _integrate(self, physics: Physics) -> None:
+        """Add the way of the last tick to what bodies believe, once."""
+        driven, rotation = self._has_driven, physics.rotation
+        speed = self.commands.compute_track_speed(self.track_speed, self.action)
+        way = measure_way(rotation, self.commands.compute_head_speed(speed), self._dt, np)
+        self.track_odometry[driven, 0] += way[driven]
+        if self.reckoning is not None:
+            moved = self.reckoning.move(self.believed, rotation, speed * self._dt, np)
+            self.believed[driven] = moved[driven]
+            self._find_direction(np.flatnonzero(driven))
         self._has_driven[:] = False
+
+    def _find_direction(self, rows: Any) -> None:
+        assert self.reckoning is not None
+        found = self.reckoning.pass_places(self.believed[rows], self.headed[rows], np)
+        self.headed[rows], self._own["goal_direction"][rows] = found
 
     def finish_tick(self, physics: Physics, active: Bool[np.ndarray, " N"] | None = None) -> Ticks:
         """Return how the control step ended whose physics has just been stepped, and its rewards."""
-        if physics is not self._viewed or not self._is_live:
-            self._view(physics)
+        self._view(physics)
         rates, qvel = self._rates, physics.qvel
         squares = np.vdot(qvel, qvel) if rates is None else rates.dot(rates)
         if squares < self._largest_squares:
@@ -218,37 +239,37 @@ class Episodes:
             return self._finish(active, False)
 
     def _finish(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> Ticks:
-        state = self.state
+        state, watch = self.state, self._watch
         state.advance(active, is_sound)
-        has_ended = self._watch.look(active, is_sound)
+        has_ended = watch.look(active, is_sound)
         if self._recorders:
             self._record(~self._never if active is None else active)
-        table, head, gained, time, rewards, given, terms, ends = self._tables[active is not None]
-        head[...] = self._head
-        np.subtract(state.progress, state.start_progress, gained)
-        np.multiply(state.tick, self._tick_length, time)
-        ends[...] = self._ends
-        for function, factor, row in terms:
+        kept = None if active is None else self.numbers.copy()
+        self._head[...] = state.along[:, 0]
+        np.subtract(state.progress, state.start_progress, self._gained)
+        np.multiply(state.tick, self._tick_length, self._time)
+        self._lows[...] = self._ends
+        for function, factor, row in self._rewards:
             np.multiply(function(state), factor, row)
+        given = self._given
         if has_ended or self._has_final:
-            self._give_final_rewards(rewards, has_ended)
-            given = rewards
+            self._give_final_rewards(has_ended)
+            given = self._gains
         reward = add_rewards(given) if given else np.zeros(state.num)
         if not is_sound:
-            np.copyto(head, state.start_mean, where=~state.is_sound)
+            np.copyto(self._head, state.start_mean, where=~state.is_sound)
         if active is not None:
-            np.copyto(self.numbers, table, where=active)
+            np.copyto(self.numbers, kept, where=~active)  # pyright: ignore[reportArgumentType]
             reward = np.where(active, reward, 0.0)
-        watch = self._watch
         if has_ended:
             return Ticks(reward, watch.terminated, watch.truncated, True)
         return Ticks(reward, self._never, self._never, False)
 
-    def _give_final_rewards(self, rewards: Sequence[np.ndarray], has_ended: bool) -> None:
+    def _give_final_rewards(self, has_ended: bool) -> None:
         """Give what is given once in the simulations whose episodes have ended, and nothing in the others."""
         ended = self._watch.terminated | self._watch.truncated if has_ended else self._never
-        for index, function, factor in self._final_rewards:
-            rewards[index][:] = np.where(ended, function(self.state) * factor, 0.0)
+        for function, factor, row in self._final_rewards:
+            row[:] = np.where(ended, function(self.state) * factor, 0.0)
         self._has_final = has_ended
 
     def describe(self, row: int) -> dict[str, float | bool]:
@@ -257,11 +278,6 @@ class Episodes:
         return dict(zip(self.info_names, numbers.tolist() + flags.tolist(), strict=False))
 
 
-def add_rewards(rewards: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the sum of rewards, of at least one, added in their order."""
-    if len(rewards) == 1:
-        return rewards[0].copy()
-    total = np.add(rewards[0], rewards[1])
-    for reward in rewards[2:]:
-        np.add(total, reward, total)
-    return total
+def add_rewards(rewards: Sequence[Any]) -> Any:
+    """Return the sum of rewards, of at least one, added in their order, in an array of its own."""
+    return sum(rewards[2:], rewards[0] + rewards[1]) if len(rewards) > 1 else +rewards[0]

@@ -1,16 +1,18 @@
-"""An organism put on the ground: where its head is, how steep, and how far its hinges are bent."""
+"""An organism put on the ground: bent along it if it is a snake, else settled as if let down with all servos loose."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from reconstruction._src.geometry.pose import PlanarPose, make_quaternion
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import Organism, snake
+from symbrion_gym._src.tasks.state import Scene
 
 LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
@@ -19,6 +21,7 @@ _LINE_MARGIN = 0.2  # The line of heights reaches this much farther than the org
 _FOOTPRINT = 0.06 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.0, 0.0]])
 """Points of a module over which the highest ground is taken where organisms are no snakes [m]: a little beyond its
 sides, which are 0.0525 m from its center."""
+_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])  # Of a cube
 _NUM_ITERATIONS = 8  # Of the fixed-point iteration that puts a module's end on the ground
 _SMALLEST_STEP = 0.2  # A module stands no steeper than this share of its length along the ground
 _STRETCH = 20  # The ground on a storey is followed over as many samples at a time: a module's length
@@ -26,39 +29,23 @@ _STOREY_RISE = 0.10
 """Ground that rises by more than this over such a stretch is what hangs above, not ground [m]."""
 
 
-class LaidPose(NamedTuple):
-    """An organism at rest on the ground."""
-
-    position: Float[np.ndarray, " 3"]  # center of module 0 [m]
-    quaternion: Float[np.ndarray, " 4"]  # its orientation (w, x, y, z)
-    hinges: Float[np.ndarray, " h"]  # angles of the working hinges, in the order of `Organism.hinges` [rad]
-
-
 class GroundPlacement:
-    """Lays an organism on the ground of an arena.
-
-    Args:
-        arena: arena with the ground.
-        organism: who is laid down.
-        level: height of the storey of the start [m]; None where there is only one.
-
-    Attributes:
-        is_snake: whether the hinges follow the ground; other bodies are laid flat, and `Settler` bends them.
-    """
+    """Lays an organism on the ground of an arena."""
 
     def __init__(self, arena: Arena, organism: Organism, level: float | None) -> None:
-        self._arena, self._organism, self._level = arena, organism, level
+        self._arena, self._organism = arena, organism
+        self._level = level  # height of the storey of the start [m]; None where there is only one
         self._poses = organism.compute_poses()
+        # The hinges of a snake follow the ground; other bodies are laid flat, and `Settler` bends them.
         self.is_snake = organism == snake(organism.num_modules, organism.scout)
 
-    def lay(self, head: PlanarPose) -> LaidPose:
-        """Return the organism with module 0 at a place: a snake bent as the ground is, others flat above it."""
+    def lay(self, head: PlanarPose) -> tuple[Float[np.ndarray, " 7"], Float[np.ndarray, " h"]]:
+        """Return place (x, y, z) and orientation (w, x, y, z) of module 0, and the angles of the working hinges."""
         if self.is_snake:
             height, pitch, hinges = self._follow_line(head)
         else:
             height, pitch, hinges = self._find_top(head), 0.0, np.zeros(len(self._organism.hinges))
-        position = np.array([head.x, head.y, height])
-        return LaidPose(position, make_quaternion(head.heading, -pitch), hinges)
+        return np.array([head.x, head.y, height, *make_quaternion(head.heading, -pitch)]), hinges
 
     def _follow_line(self, head: PlanarPose) -> tuple[float, float, Float[np.ndarray, " h"]]:
         """Return head height, head pitch and hinge angles of a snake."""
@@ -78,28 +65,24 @@ class GroundPlacement:
         organism = self._organism
         world = [head.compose(pose) for pose in self._poses]
         spots = np.array([(pose.x, pose.y) for pose in world])[:, None] + _FOOTPRINT
-        if self._level is None:
-            heights = np.asarray(self._arena.height(*spots.reshape(-1, 2).T), dtype=np.float64)
-        else:
-            heights = self._follow_tree(spots, self._level)
+        heights, levels = np.full(spots.shape[:2], np.nan), {-1: self._level}
+        for module in organism.order:
+            level = levels[organism.parents[module]]
+            x, y = spots[module].T
+            heights[module] = self._find_ground(x, y, level)
+            known = heights[module][np.isfinite(heights[module])]
+            levels[module] = known.max() if len(known) and level is not None else level
         if not np.isfinite(heights).any():
             raise self._make_error(head.x, head.y)
         return float(np.nanmax(heights)) + organism.scout.size[2] / 2 + LIFT
 
-    def _follow_tree(self, spots: Float[np.ndarray, "n S 2"], level: float) -> Float[np.ndarray, "n S"]:
-        """Return ground heights below the modules, from each to its neighbors; nan where there is none."""
-        organism = self._organism
-        heights = np.full(spots.shape[:2], np.nan)
-        levels = np.full(organism.num_modules, level)
-        for module in organism.order:
-            parent = organism.parents[module]
-            levels[module] = level if parent < 0 else levels[parent]
-            limit = levels[module] + _STOREY_RISE
-            x, y = spots[module].T
-            heights[module] = self._arena.elevation.height_below(x, y, limit)
-            if np.isfinite(heights[module]).any():
-                levels[module] = np.nanmax(heights[module])
-        return heights
+    def _find_ground(
+        self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"], level: float | None
+    ) -> Float[np.ndarray, " S"]:
+        """Return heights of the ground below what hangs above a level; nan where there is none."""
+        if level is None:
+            return np.asarray(self._arena.height(x, y), dtype=np.float64)
+        return self._arena.elevation.height_below(x, y, level + _STOREY_RISE)
 
     def _make_error(self, x: float, y: float) -> ArenaError:
         return ArenaError(f"the start ({x:.2f}, {y:.2f}) lies off the surface of arena {self._arena.name!r}")
@@ -108,28 +91,16 @@ class GroundPlacement:
         self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"]
     ) -> Float[np.ndarray, " S"]:
         """Return ground heights; beyond the rim, the nearest known one along the line."""
-        level = self._level
-        if level is None:
-            heights = np.asarray(self._arena.height(x, y), dtype=np.float64)
-        else:
-            heights = _follow_storey(self._arena, x, y, level)
+        heights, level = np.full(len(x), np.nan), self._level
+        for first in range(0, len(x), _STRETCH):
+            some = slice(first, first + _STRETCH)
+            heights[some] = self._find_ground(x[some], y[some], level)
+            known = heights[some][np.isfinite(heights[some])]
+            level = known[-1] if len(known) and level is not None else level
         known = np.flatnonzero(np.isfinite(heights))
         if not len(known):
             raise self._make_error(x[0], y[0])
         return np.interp(np.arange(len(heights)), known, heights[known])
-
-
-def _follow_storey(
-    arena: Arena, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"], level: float
-) -> Float[np.ndarray, " S"]:
-    """Return heights of the ground on the storey of a start, below what hangs above it; nan where there is none."""
-    heights = np.full(len(x), np.nan)
-    for first in range(0, len(x), _STRETCH):
-        some = slice(first, first + _STRETCH)
-        heights[some] = arena.elevation.height_below(x[some], y[some], level + _STOREY_RISE)
-        known = heights[some][np.isfinite(heights[some])]
-        level = float(known[-1]) if len(known) else level
-    return heights
 
 
 def _roll_over(heights: Float[np.ndarray, " S"], radius: float) -> Float[np.ndarray, " S"]:
@@ -158,3 +129,198 @@ def _follow_ground(
     nose_up = np.arctan2(z[:-1] - z[1:], s[1:] - s[:-1])
     limit = organism.scout.hinge_range
     return float(z[0]), float(nose_up[0]), np.clip(nose_up[:-1] - nose_up[1:], -limit, limit)
+
+
+def tumble(scene: Scene, qpos: Float[np.ndarray, " nq"], yaw: float, roll: float) -> Float[np.ndarray, " nq"]:
+    """Return qpos of an organism that is turned about the axis of its head, its hinges straight.
+
+    It is as low as it can be with all corners of its modules above the ground, as a body that fell over.
+    """
+    turned, organism = qpos.copy(), scene.organism
+    turned[7:] = 0.0
+    upright, about, matrix = np.zeros(4), np.zeros(4), np.zeros(9)
+    mujoco.mju_axisAngle2Quat(upright, np.array([0.0, 0.0, 1.0]), yaw)
+    mujoco.mju_axisAngle2Quat(about, np.array([1.0, 0.0, 0.0]), roll)
+    mujoco.mju_mulQuat(turned[3:7], upright, about)
+    mujoco.mju_quat2Mat(matrix, turned[3:7])
+    centers = np.array([(pose.x, pose.y, 0.0) for pose in organism.compute_poses()])
+    corners = (centers[:, None] + _CORNERS * np.array(organism.scout.size) / 2).reshape(-1, 3)
+    corners = corners @ matrix.reshape(3, 3).T
+    x, y = (corners + turned[:3])[:, :2].T
+    edge = organism.scout.size[2]
+    ground = scene.find_ground(x, y, np.full(len(x), turned[2] + edge))
+    ground = np.where(np.isfinite(ground), ground, turned[2] - edge / 2)
+    turned[2] = float(np.max(ground - corners[:, 2])) + LIFT
+    return turned
+
+
+_MARGIN = 0.05  # Contacts are foreseen from this distance on [m]
+_STEP = 0.02  # A module moves at most this far up or down in an iteration [m], well within the margin
+_REACH = 2.0  # Parts of the body move no farther than this many times that [m]
+_ROUGHLY = 4e-3  # The body is first settled up to this step [m], put back to its place, and settled again
+_TURN_PER_STEP = 5.0
+"""Joints turn at most this much per meter of that step [rad/m]: 0.1 rad, where arcs are still nearly straight."""
+_SHORTEST_STEP = 2e-4  # The body has settled when no longer step lowers it [m]
+_ENOUGH = 1e-5  # Likewise when an iteration lowers its center of mass by less [m]
+_MAX_ITERATIONS = 60  # More than any organism on the arenas at hand needs
+_PENALTY = 10.0
+"""Weight of the deepest overlap against the height of the center of mass: overlaps are removed first."""
+_FRICTION = 0.4
+"""Share of the weight that holds a module back from sliding: below the friction of any ground, so that it rests."""
+_DANGLING = np.pi / 3
+"""Hinges bend no farther to either side, so that what hangs over an edge does not fold under it [rad]."""
+
+
+class _Linearized(NamedTuple):
+    """The body in one pose, and how it changes with a small step of what moves, `m` degrees of freedom."""
+
+    qpos: Float[np.ndarray, " nq"]  # the pose
+    distance: Float[np.ndarray, " C"]  # distances to the ground [m]
+    leaving: Float[np.ndarray, "C m"]  # their change
+    height: float  # of the center of mass [m]
+    lifting: Float[np.ndarray, " m"]  # its change
+    shifting: Float[np.ndarray, "n 3 m"]  # change of the places of the modules' undersides
+
+    def compute_merit(self, gap: float) -> float:
+        """Return what is minimized: height of the center of mass, and the deepest overlap."""
+        return self.height + _PENALTY * self.compute_overlap(gap)
+
+    def compute_overlap(self, gap: float) -> float:
+        """Return how much the smallest distance is below the wanted one [m]."""
+        return max(0.0, gap - self.distance.min(initial=gap))
+
+
+class Settler:
+    """Finds the pose of rest of a body with loose joints on the contact geometry of its arena.
+
+    The potential energy is lowered step by step. Each step is a linear program: the center of mass goes down as far as
+    the distances to the ground, linear in the step, allow, and where it gains more than friction takes when modules
+    slide. Heading stays. In the pose that this ends in, the ground carries the body with no torque of the servos.
+
+    References:
+        Fletcher & Sainz de la Maza (1989), Mathematical Programming 43: sequential linear programming with a trust
+        region. Mielke (2005), Evolution in rate-independent systems: friction as a cost of each step.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        modules: Int[np.ndarray, " n"],  # ids of the sites that mark the modules
+        joints: Int[np.ndarray, " h"],  # addresses in qvel
+        half_height: float,  # of a module's center above its underside [m]
+    ) -> None:
+        self._model = model.__copy__()
+        self._data = mujoco.MjData(self._model)
+        self._modules = modules
+        self._root = int(self._model.body_rootid[self._model.site_bodyid[modules[0]]])
+        is_ours = self._model.body_rootid == self._root
+        self._model.geom_margin[is_ours[self._model.geom_bodyid]] = _MARGIN
+        self._model.body_margin[is_ours] = _MARGIN
+        free = int(self._model.jnt_dofadr[self._model.body_jntadr[self._root]])
+        self._half_height = half_height
+        self._moving = np.array([free, free + 1, free + 2, free + 3, free + 4, *joints])
+        joint = self._model.dof_jntid[joints]
+        self._qpos = self._model.jnt_qposadr[joint]
+        self._limit = np.minimum(self._model.jnt_range[joint, 1], _DANGLING)
+
+    def settle(self, qpos: Float[np.ndarray, " nq"], gap: float) -> Float[np.ndarray, " nq"]:
+        """Return the pose of rest below a pose above the ground."""
+        above = qpos.copy()
+        above[2] += self._linearize(qpos).compute_overlap(gap)
+        rough = self._lower(above, gap, _ROUGHLY)
+        rough[:2] = qpos[:2]
+        return self._lower(rough, gap, _SHORTEST_STEP)
+
+    def _lower(self, qpos: Float[np.ndarray, " nq"], gap: float, shortest: float) -> Float[np.ndarray, " nq"]:
+        """Return the pose of rest, up to a shortest step; the root has moved as far as the body has tilted."""
+        step, best = _STEP, self._linearize(qpos)
+        for _ in range(_MAX_ITERATIONS):
+            trial, (change, lost) = best.qpos.copy(), self._find_step(best, step, gap)
+            mujoco.mj_integratePos(self._model, trial, change, 1.0)
+            tried = self._linearize(trial)
+            gained = best.compute_merit(gap) - tried.compute_merit(gap) - lost
+            best = tried if gained > 0.0 else best
+            step = step / 2 if gained < _ENOUGH else step
+            if step < shortest:
+                break
+        best.qpos[2] += best.compute_overlap(gap)
+        return best.qpos
+
+    def _linearize(self, qpos: Float[np.ndarray, " nq"]) -> _Linearized:
+        """Move the body and return its distances to the ground and how all changes."""
+        model, data, moving = self._model, self._data, self._moving
+        _find_contacts(model, data, qpos)
+        bodies = model.geom_bodyid[data.contact.geom]
+        is_ours = model.body_rootid[bodies] == self._root
+        found = np.flatnonzero(is_ours.sum(axis=1) == 1)
+        jacobian = np.zeros((3, model.nv))
+        leaving = np.zeros((len(found), len(moving)))
+        for row, contact in enumerate(found.tolist()):
+            second = int(is_ours[contact, 1])
+            mujoco.mj_jac(
+                model, data, jacobian, None, data.contact.pos[contact], int(bodies[contact, second])
+            )
+            leaving[row] = (2 * second - 1) * data.contact.frame[contact, :3] @ jacobian[:, moving]
+        shifting = np.zeros((len(self._modules), 3, len(moving)))
+        for row, site in enumerate(self._modules.tolist()):
+            foot = data.site_xpos[site] - [0.0, 0.0, self._half_height]
+            mujoco.mj_jac(model, data, jacobian, None, foot, int(model.site_bodyid[site]))
+            shifting[row] = jacobian[:, moving]
+        mujoco.mj_jacSubtreeCom(model, data, jacobian, self._root)
+        center = data.subtree_com[self._root]
+        lifting = jacobian[2, moving].copy()
+        distance = data.contact.dist[found].copy()
+        return _Linearized(qpos, distance, leaving, float(center[2]), lifting, shifting)
+
+    def _find_step(
+        self, pose: _Linearized, step: float, gap: float
+    ) -> tuple[Float[np.ndarray, " nv"], float]:
+        """Return the step that lowers the center of mass most, and what friction takes [m], as a height.
+
+        Unknowns of the linear program are the step, the largest overlap, and how far each module slides along x and y.
+        """
+        from scipy.optimize import linprog
+
+        is_near = pose.distance < gap + _REACH * step
+        distance, leaving = pose.distance[is_near], pose.leaving[is_near]
+        rising, sliding = pose.shifting[:, 2], pose.shifting[:, :2].reshape(-1, len(pose.lifting))
+        near, n, s = len(leaving), len(rising), len(sliding)
+        friction = np.full(s, _FRICTION / n)
+        still = [np.zeros((n, 1)), np.zeros((n, s))]
+        slips = [np.zeros((s, 1)), -np.eye(s)]
+        limits = [
+            [-leaving, -np.ones((near, 1)), np.zeros((near, s))],
+            *([rising, *still], [-rising, *still], [sliding, *slips], [-sliding, *slips]),
+        ]
+        found = linprog(
+            np.concatenate([pose.lifting, [_PENALTY], friction]),
+            A_ub=np.block(limits),
+            b_ub=np.concatenate([distance - gap, np.full(2 * n, step), np.zeros(2 * s)]),
+            bounds=[*self._find_bounds(pose.qpos, step), *[(0.0, None)] * (1 + s)],
+            method="highs-ds",
+        )
+        change = np.zeros(self._model.nv)
+        if found.x is None:
+            return change, 0.0
+        change[self._moving] = found.x[: len(self._moving)]
+        return change, float(friction @ found.x[-s:])
+
+    def _find_bounds(self, qpos: Float[np.ndarray, " nq"], step: float) -> list[tuple[float, float]]:
+        """Return the smallest and largest change of each degree of freedom that moves."""
+        turn, angle = _TURN_PER_STEP * step, qpos[self._qpos]
+        low, high = np.maximum(-turn, -self._limit - angle), np.minimum(turn, self._limit - angle)
+        free = [(-step, step)] * 3 + [(-turn, turn)] * 2
+        return [*free, *zip(low.tolist(), high.tolist(), strict=True)]
+
+
+def compute_depth(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> float:
+    """Return how deep a pose reaches into the ground, or into itself [m]."""
+    _find_contacts(model, data, qpos)
+    return float(-data.contact.dist.min(initial=0.0))
+
+
+def _find_contacts(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> None:
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import gc
 from typing import Any
 
 import gymnasium as gym
@@ -10,15 +11,15 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
-from symbrion_gym._src.environment.commands import link_views
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.episodes import Episodes, Start
-from symbrion_gym._src.environment.observation import add_noise
-from symbrion_gym._src.environment.randomization import apply_domain, draw_domain, make_nominal_domain
+from symbrion_gym._src.environment.episodes import Episodes
+from symbrion_gym._src.environment.randomization import begin_episode, draw_domain, make_nominal_domain
 from symbrion_gym._src.environment.rendering import RENDER_MODES, SceneRenderer
 from symbrion_gym._src.environment.world import Physics, World
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.sensing.timing import timing
+
+_PACKAGE = f"{__name__.partition('.')[0]}."
 
 
 class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -189,7 +190,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         self.observation_structure = self._episodes.observer.structure
         self.action_space, self.observation_space = make_spaces(self._episodes)
         self._action_shape = self.action_space.shape
-        self.domain = self._nominal = make_nominal_domain(self.world)
+        self.domain = make_nominal_domain(self.world)
         self._renderer: SceneRenderer | None = None
         self._find_views()
 
@@ -222,28 +223,25 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             OptionError: an unknown option or a value out of range.
         """
         super().reset(seed=seed)
-        world, wanted = (
-            self.world,
-            {**self.world.task.start.randomize(), **self.config.randomize, **(options or {})},
-        )
-        self.domain = domain = draw_domain(
-            self._nominal._asdict(), wanted, self.np_random, has_patches=len(world.patch_geoms) > 0
-        )
-        apply_domain(world, self.model, domain)
-        mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw, domain.roll)
-        target, speed = self.data.qpos[None, world.hinge_qpos], np.full((1, 1), domain.track_speed)
-        world.write_control(self._control, target, speed)
-        mujoco.mj_forward(self.model, self.data)
+        world, data = self.world, self.data
+        self.domain = draw_domain(world, options or {}, self.np_random)
+        mujoco.mj_resetData(self.model, data)
+        begin_episode(world, self.domain, self.model, data.qpos, data.ctrl)
+        mujoco.mj_forward(self.model, data)
         physics = self.physics
-        self._episodes.begin(physics, [Start(0, domain.track_speed)])
-        observation = self._episodes.observe(physics)
-        info = {**self._episodes.describe(0), **domain._asdict()}
+        self._episodes.begin(physics, [0], [world.scene], [self.domain.track_speed])
+        info = {**self._episodes.describe(0), **self.domain._asdict()}
         if self._renderer is not None:
             self._renderer.follow(physics.position[0], at_once=True)
         if self.render_mode == "human":
             self.render()
-        return self._add_noise(observation)[0], info
+        return self._observe(physics), info
+
+    def _observe(self, physics: Physics) -> np.ndarray:
+        observation = self._episodes.observe(physics)[0]
+        if self.config.noise:
+            return self._episodes.observer.add_noise(observation, self.np_random)
+        return observation
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Apply an action and simulate one tick.
@@ -257,23 +255,19 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         episodes, world = self._episodes, self.world
         target, speed = episodes.command(actions[None])
         world.write_control(self._control, target, speed)
-        if episodes.num_tracks:
+        if episodes.commands.num_tracks:
             world.write_track_speed(self.model.geom_surfacevel[None], speed)
         measured = self._advance()
         physics = self._physics if world.is_sliced else self.physics
-        gains, has_terminated, is_cut, has_ended = episodes.finish_tick(physics)
-        reward, terminated, truncated = gains.item(), False, False
-        if has_ended:
-            terminated, truncated = has_terminated.item(), is_cut.item()
+        reward, terminated, truncated, has_ended = episodes.finish_tick(physics)
         info = episodes.describe(0)
-        observation = episodes.observe(physics)
-        if self.config.noise:
-            observation = self._add_noise(observation)
+        observation = self._observe(physics)
         if info["diverged"]:
             mujoco.mj_resetData(self.model, self.data)
         if self.render_mode == "human":
             self.render()
-        return observation[0], reward, terminated, truncated, {**info, **measured} if measured else info
+        is_over, is_cut = (terminated.item(), truncated.item()) if has_ended else (False, False)
+        return observation, reward.item(), is_over, is_cut, {**info, **measured} if measured else info
 
     def read_records(self) -> dict[str, Any]:
         """Return what the option `recorders` kept of the present episode, by name."""
@@ -297,16 +291,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             gym.logger.warn("render() does nothing without a render_mode; give one of render_modes to make()")
             return None
         if self._renderer is None:
-            length = self.world.num_modules * self.world.organism.scout.pitch
-            size = (self.width, self.height)
-            self._renderer = SceneRenderer(
-                self.model,
-                self.data,
-                *size,
-                length,
-                self.world.route.heading,
-                quality=self.world.arena.quality,
-            )
+            self._renderer = make_renderer(self.world, self.data, self.width, self.height)
         self._renderer.follow(self.physics.position[0])
         return self._renderer.render(self.render_mode)
 
@@ -330,16 +315,48 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         twin._find_views()
         return twin
 
-    def _add_noise(self, observation: np.ndarray) -> np.ndarray:
-        if self.config.noise:
-            observation[0] = add_noise(observation[0], self._episodes.observer, self.np_random)
-        return observation
-
 
 def make_spaces(episodes: Episodes) -> tuple[spaces.Box, spaces.Box]:
     """Return the action and the observation space of one environment."""
     observer = episodes.observer
     return (
-        spaces.Box(-1.0, 1.0, (episodes.num_actions,), dtype=np.float64),
+        spaces.Box(-1.0, 1.0, (episodes.commands.num_actions,), dtype=np.float64),
         spaces.Box(observer.low, observer.high, dtype=np.float64),
     )
+
+
+def make_renderer(world: World, data: mujoco.MjData, width: int, height: int) -> SceneRenderer:
+    """Return what makes images of a simulation."""
+    length = world.num_modules * world.organism.scout.pitch
+    return SceneRenderer(
+        world.model, data, width, height, length, world.route.heading, quality=world.arena.quality
+    )
+
+
+def link_views(source: object, memo: dict[int, Any]) -> None:
+    """Let a deep copy keep views what they are: arrays that share memory in the source share it in the copy as well."""
+    seen: set[int] = set()
+    waiting: list[Any] = [source]
+    while waiting:
+        value = waiting.pop()
+        if id(value) in seen or id(value) in memo:
+            continue
+        seen.add(id(value))
+        if isinstance(value, np.ndarray):
+            _copy_array(value, memo)
+        elif isinstance(value, dict | list | tuple) or type(value).__module__.startswith(_PACKAGE):
+            waiting += gc.get_referents(value)
+
+
+def _copy_array(array: np.ndarray, memo: dict[int, Any]) -> None:
+    root = array
+    while isinstance(root.base, np.ndarray):
+        root = root.base
+    if array.dtype.hasobject or not root.flags.owndata or not root.flags.c_contiguous:
+        return
+    whole = memo.setdefault(id(root), root.copy())
+    # As deepcopy does: ids stay taken while the memo lives.
+    memo.setdefault(id(memo), []).extend([root, array])
+    if array is not root:
+        offset = array.__array_interface__["data"][0] - root.__array_interface__["data"][0]
+        memo[id(array)] = np.ndarray(array.shape, array.dtype, whole, offset, array.strides)

@@ -15,16 +15,16 @@ from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.episodes import Episodes, Start, Ticks
-from symbrion_gym._src.environment.models import IndividualModels, SharedModel
-from symbrion_gym._src.environment.observation import add_noise
-from symbrion_gym._src.environment.organism_env import OrganismEnv, make_spaces
+from symbrion_gym._src.environment.episodes import Episodes, Ticks
+from symbrion_gym._src.environment.organism_env import OrganismEnv, make_renderer, make_spaces
 from symbrion_gym._src.environment.randomization import (
     Domain,
-    apply_domain,
+    IndividualModels,
+    SharedModel,
+    begin_episode,
     draw_domain,
     make_nominal_domain,
-    split_options,
+    split_reset,
 )
 from symbrion_gym._src.environment.rendering import RENDER_MODES, SceneRenderer
 from symbrion_gym._src.environment.world import World
@@ -72,9 +72,6 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         stretches: Sequence[float] | None = None,
         **options: Any,
     ) -> None:
-        for name, value in (("num_envs", num_envs), ("num_threads", num_threads or 1)):
-            if int(value) != value or value < 1:
-                raise OptionError(f"{name} must be a whole number above 0, got {value}")
         if render_mode not in (None, *RENDER_MODES[1:]):
             raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES[1:])}")
         self.config = EnvironmentConfig.from_options(options)
@@ -85,7 +82,8 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             "render_fps": round(1.0 / self.config.dt),
         }
         self.render_mode, self._image_size = render_mode, (width, height)
-        self.num_envs = int(num_envs)
+        self.num_envs = check_count("num_envs", num_envs)
+        threads = check_count("num_threads", num_threads or os.cpu_count() or 1)
         if stretches and render_mode is not None:
             raise OptionError("there are no images of several stretches; give one `stretch`")
         self._stretches = tuple(map(float, stretches or (self.config.stretch,)))
@@ -95,17 +93,15 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.model = self.world.model
         self._max_ticks = max_episode_steps
         self._episodes = Episodes(self.world, self.num_envs)
-        self._info_names = self._episodes.number_names + self._episodes.flag_names
-        self._mask_names = tuple(f"_{name}" for name in self._info_names)
+        self._mask_names = tuple(f"_{name}" for name in self._episodes.info_names)
         self._selected = [0] * self.num_envs
-        self._make_batch(min(num_threads or os.cpu_count() or 1, self.num_envs))
+        self._make_batch(min(threads, self.num_envs))
         self.observation_structure = self._episodes.observer.structure
         self.single_action_space, self.single_observation_space = make_spaces(self._episodes)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._nominal = make_nominal_domain(self.world)
         self._rngs: list[np.random.Generator] = []
-        self._domains = [self._nominal] * self.num_envs
+        self._domains = [make_nominal_domain(self.world)] * self.num_envs
         self._options: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         self._is_done = np.ones(self.num_envs, dtype=bool)
         self._renderers: list[tuple[mujoco.MjData, SceneRenderer]] = []
@@ -127,35 +123,22 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Lay the organisms down at their starts."""
-        options = dict(options or {})
-        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
-        if mask.shape != (self.num_envs,):
-            raise OptionError(
-                f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}"
-            )
-        rows = [int(row) for row in np.flatnonzero(mask)]
+        mask, split = split_reset(options, self.num_envs)
+        rows = np.flatnonzero(mask).tolist()
         self._seed(seed, rows)
-        self._select(options.pop("stretch", None), rows)
-        split = split_options(options, self.num_envs)
         for row in rows:
+            stretch = split[row].pop("stretch", None)
+            if stretch is not None and stretch not in self._stretches:
+                raise OptionError(f"stretch must be one of {self._stretches}, got {stretch!r}")
+            if stretch is not None:
+                self._selected[row] = self._stretches.index(stretch)
             self._options[row] = split[row]
-        domains = self._begin(rows)
+        self._begin(rows)
         info = self._make_info(mask)
         for name in Domain._fields:
-            values = np.zeros(self.num_envs)
-            values[rows] = [getattr(domain, name) for domain in domains]
-            info[name], info[f"_{name}"] = values, mask
+            values = np.array([getattr(domain, name) for domain in self._domains])
+            info[name], info[f"_{name}"] = np.where(mask, values, 0.0), mask
         return self._add_noise(self._episodes.observe(self._physics), mask), info
-
-    def _select(self, stretch: Any, rows: list[int]) -> None:
-        """Select the worlds in which simulations begin from now on."""
-        if stretch is None:
-            return
-        for row in rows:
-            wanted = stretch if np.ndim(stretch) == 0 else stretch[row]
-            if wanted not in self._stretches:
-                raise OptionError(f"stretch must be one of {self._stretches}, got {wanted!r}")
-            self._selected[row] = self._stretches.index(wanted)
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: list[int]) -> None:
         if not self._rngs:
@@ -170,35 +153,20 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             if one is not None:
                 self._rngs[row] = seeding.np_random(int(one))[0]
 
-    def _begin(self, rows: list[int]) -> list[Domain]:
-        """Lay down the organisms of some simulations; return their circumstances."""
-        domains = []
+    def _begin(self, rows: list[int]) -> None:
+        """Lay down the organisms of some simulations."""
+        drawn = [draw_domain(self.world, self._options[row], self._rngs[row]) for row in rows]
+        scenes = [self._worlds[self._selected[row]].scene for row in rows]
         self.batch.reset(rows, stage=0)
-        for row in rows:
-            wanted = {**self.world.task.start.randomize(), **self.config.randomize, **self._options[row]}
-            domain = draw_domain(
-                self._nominal._asdict(), wanted, self._rngs[row], has_patches=len(self.world.patch_geoms) > 0
-            )
-            world = self._worlds[self._selected[row]]
-            apply_domain(world, self._models.select(row, self._selected[row]), domain)
-            self._qpos[row] = world.lay_down(
-                domain.start_offset, domain.start_lateral, domain.yaw, domain.roll
-            )
-            target, speed = self._qpos[[row]][:, world.hinge_qpos], np.full((1, 1), domain.track_speed)
-            world.write_control(self._control[row : row + 1], target, speed)
-            domains.append(domain)
-        for row, domain in zip(rows, domains, strict=True):
+        for row, domain in zip(rows, drawn, strict=True):
+            world, fields = self._worlds[self._selected[row]], self._models.select(row, self._selected[row])
+            begin_episode(world, domain, fields, self._qpos[row], self._control[row])
             self._domains[row] = domain
         self._models.commit()
         self.batch.forward(rows)
         self._refresh()
-        starts = [
-            Start(row, domain.track_speed, self._worlds[self._selected[row]].scene)
-            for row, domain in zip(rows, domains, strict=True)
-        ]
-        self._episodes.begin(self._physics, starts)
+        self._episodes.begin(self._physics, rows, scenes, [domain.track_speed for domain in drawn])
         self._is_done[rows] = False
-        return domains
 
     def step(
         self, actions: np.ndarray
@@ -214,20 +182,19 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._is_done = was_done | ended
         info = self._make_info(active)
         observation = self._add_noise(self._episodes.observe(self._physics), active)
-        if has_ended:
-            diverged = np.flatnonzero(self._episodes.flags[_DIVERGED] & ended)
-            if len(diverged):
-                self.batch.reset(diverged)
+        diverged = self._episodes.flags[_DIVERGED] & ended
+        if has_ended and diverged.any():
+            self.batch.reset(np.flatnonzero(diverged))
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and was_done.any():
             observation = self._restart(was_done, observation)
         elif self.autoreset_mode is AutoresetMode.SAME_STEP and has_ended:
             final = np.full(self.num_envs, None, dtype=object)
             for row in np.flatnonzero(ended):
                 final[row] = observation[row].copy()
-            kept = {name: info[name] for name in self._info_names}
+            final_info = info | dict.fromkeys(self._mask_names, ended)
             observation = self._restart(ended, observation)
             info = {**self._make_info(active), "final_obs": final, "_final_obs": ended}
-            info |= {"final_info": {**kept, **{f"_{name}": ended for name in kept}}, "_final_info": ended}
+            info |= {"final_info": final_info, "_final_info": ended}
         return observation, reward, terminated, truncated, info
 
     def _advance(self, actions: np.ndarray, active: np.ndarray) -> Ticks:
@@ -238,7 +205,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             some = None if count == self.num_envs else active
             target, speed = episodes.command(actions, some)
             self.world.write_control(self._control, target, speed)
-            if episodes.num_tracks:
+            if episodes.commands.num_tracks:
                 self._models.write_track_speed(speed)
             self.batch.step(some, nstep=self.config.frame_skip)
             self._refresh()
@@ -258,16 +225,14 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _make_info(self, mask: np.ndarray) -> dict[str, Any]:
         """Return `info` with Gymnasium's `_name` masks: which simulations a value belongs to."""
-        episodes = self._episodes
-        info: dict[str, Any] = dict(zip(episodes.number_names, episodes.numbers.copy(), strict=True))
-        info.update(zip(episodes.flag_names, episodes.flags.copy(), strict=True))
+        values = *self._episodes.numbers.copy(), *self._episodes.flags.copy()
+        info: dict[str, Any] = dict(zip(self._episodes.info_names, values, strict=True))
         return info | dict.fromkeys(self._mask_names, mask)
 
     def _add_noise(self, observation: np.ndarray, mask: np.ndarray) -> np.ndarray:
         if self.config.noise:
             for row in np.flatnonzero(mask):
-                observer = self._episodes.observer
-                observation[row] = add_noise(observation[row], observer, self._rngs[row])
+                observation[row] = self._episodes.observer.add_noise(observation[row], self._rngs[row])
         return observation
 
     def read_records(self, row: int) -> dict[str, Any]:
@@ -283,10 +248,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return (getattr(self, single),) * self.num_envs
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Call a method, or read an attribute, of every sub-environment.
-
-        `read_records` answers for each; what all share is called once.
-        """
+        """Call a method, or read an attribute, of every sub-environment; what all share is called once."""
         if name == "render":
             return self.render() or (None,) * self.num_envs
         if name == "read_records":
@@ -294,35 +256,13 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         found = self.get_attr(name)
         return (found[0](*args, **kwargs),) * self.num_envs if callable(found[0]) else found
 
-    def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute: of every sub-environment its `np_random`, all else for all of them together."""
-        each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
-        if len(each) != self.num_envs:
-            raise OptionError(f"{name}: {len(each)} values for {self.num_envs} environments; give one each")
-        if name == "np_random":
-            self._rngs = each
-            return
-        if any(value is not each[0] and value != each[0] for value in each):
-            raise OptionError(f"all simulations share {name!r}; give one value for all of them")
-        setattr(self, name, each[0])
-
     def render(self) -> tuple[Any, ...] | None:
         """Return one image per simulation in the render mode; None without one."""
         if self.render_mode is None:
             return None
-        if not self._renderers:
-            length = self.world.num_modules * self.world.organism.scout.pitch
+        for _ in range(self.num_envs - len(self._renderers)):
             data = mujoco.MjData(self.model)
-            for _ in range(self.num_envs):
-                renderer = SceneRenderer(
-                    self.model,
-                    data,
-                    *self._image_size,
-                    length,
-                    self.world.route.heading,
-                    quality=self.world.arena.quality,
-                )
-                self._renderers.append((data, renderer))
+            self._renderers.append((data, make_renderer(self.world, data, *self._image_size)))
         frames = []
         for row, (data, renderer) in enumerate(self._renderers):
             self.batch.get_data(row, data)
@@ -336,3 +276,10 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         for _, renderer in self._renderers:
             renderer.close()
         self._renderers = []
+
+
+def check_count(name: str, value: float) -> int:
+    """Return a number of things, which is a whole number above 0."""
+    if int(value) != value or value < 1:
+        raise OptionError(f"{name} must be a whole number above 0, got {value}")
+    return int(value)

@@ -1,26 +1,23 @@
-"""Domain randomization: what may differ from episode to episode, drawn from the environment's generator."""
+"""What may differ from episode to episode: how it is drawn, and the models of the simulations that hold it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from mujoco.batch import Batch
 
 from symbrion_gym._src.environment.config import RANDOM_LIMITS, RANDOM_OPTIONS
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.tracks import compute_surface_velocity
 
-
-class ModelFields(Protocol):
-    """A model, or one simulation's part of a batch's model fields."""
-
-    geom_friction: Float[np.ndarray, "ngeom 3"]  # friction coefficients of the geoms
-    actuator_forcerange: Float[np.ndarray, "nu 2"]  # smallest and largest torque of the actuators [N m]
-    # surface velocity of the geoms, linear [m/s] and angular [rad/s]
-    geom_surfacevel: Float[np.ndarray, "ngeom 6"]
+VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
+"""Fields of the model that differ between simulations."""
 
 
 class Domain(NamedTuple):
@@ -38,22 +35,27 @@ class Domain(NamedTuple):
     patch_friction: float = 0.0
 
 
-def draw_domain(
-    nominal: Mapping[str, float],
-    options: Mapping[str, Any] | None,
-    rng: np.random.Generator,
-    *,
-    has_patches: bool = True,
-) -> Domain:
+def make_nominal_domain(world: World) -> Domain:
+    """Return the circumstances of an episode for which nothing else was asked."""
+    return Domain(world.friction, 1.0, 0.0, 0.0, 0.0, world.organism.scout.track_speed)
+
+
+def list_random(world: World, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the reset options of an episode: its own, those of every episode, and those of the task."""
+    return {**world.task.start.randomize(), **world.config.randomize, **options}
+
+
+def draw_domain(world: World, options: Mapping[str, Any], rng: np.random.Generator) -> Domain:
     """Return the circumstances of one episode."""
-    options = options or {}
-    for name in options:
+    wanted = list_random(world, options)
+    for name in wanted:
         if name not in RANDOM_OPTIONS:
             raise OptionError(f"no reset option {name!r}; there are: {', '.join(RANDOM_OPTIONS)}")
-    domain = Domain(*(_draw(name, options.get(name, nominal.get(name)), rng) for name in Domain._fields))
-    if domain.patch_friction and not has_patches:
+    nominal = make_nominal_domain(world)._asdict()
+    domain = Domain(*(_draw(name, wanted.get(name, nominal[name]), rng) for name in Domain._fields))
+    if domain.patch_friction and not len(world.patch_geoms):
         raise OptionError(
-            f"patch_friction is {options['patch_friction']!r}, but the arena has no friction patches; leave it out, or "
+            f"patch_friction is {wanted['patch_friction']!r}, but the arena has no friction patches; leave it out, or "
             "give an arena with a friction_map"
         )
     return domain
@@ -71,46 +73,117 @@ def _draw(name: str, value: Any, rng: np.random.Generator) -> float:
         raise OptionError(
             f"{name} must be a number or a pair (low, high) within {low:g} to {high:g}, got {value!r}"
         )
-    if len(bounds) == 1:
-        return float(bounds[0])
-    if bounds[0] > bounds[1]:
+    if bounds[0] > bounds[-1]:
         raise OptionError(f"{name}: the range {value!r} is upside down")
-    return float(rng.uniform(bounds[0], bounds[1]))
+    return float(bounds[0] if len(bounds) == 1 else rng.uniform(bounds[0], bounds[1]))
 
 
-def split_options(options: Mapping[str, Any] | None, num: int) -> list[dict[str, Any]]:
-    """Return the reset options of each of `num` simulations.
-
-    An array or list with `num` entries gives each its own; a tuple (low, high) and a number go to all.
-    """
-    split: list[dict[str, Any]] = [{} for _ in range(num)]
-    for name, value in (options or {}).items():
-        if isinstance(value, tuple) or np.ndim(value) == 0:
-            values = [value] * num
-        elif len(value) == num:
-            values = list(value)
-        else:
-            raise OptionError(
-                f"{name} has {len(value)} values for {num} simulations; give one each or a pair"
-            )
-        for options_of_one, one in zip(split, values, strict=True):
-            options_of_one[name] = one
-    return split
-
-
-def make_nominal_domain(world: World) -> Domain:
-    """Return the circumstances of an episode for which nothing else was asked."""
-    return Domain(world.friction, 1.0, 0.0, 0.0, 0.0, world.organism.scout.track_speed)
-
-
-def apply_domain(world: World, fields: ModelFields, domain: Domain) -> None:
-    """Write circumstances into a model, or into one simulation's part of a batch's model fields."""
+def begin_episode(
+    world: World,
+    domain: Domain,
+    fields: Any,  # a model, or one simulation's part of the fields `VARIED` of a batch
+    qpos: Float[np.ndarray, " nq"],
+    control: Float[np.ndarray, " nu"],
+) -> None:
+    """Write what a simulation begins with under some circumstances: fields of its model, pose and controls."""
     scout, torque = world.organism.scout, world.servo_torque * domain.torque_scale
     fields.geom_friction[world.robot_geoms, 0] = domain.friction
     if len(world.patch_geoms):
-        fields.geom_friction[world.patch_geoms, 0] = world.compute_patch_friction(
-            domain.friction, domain.patch_friction
-        )
+        patches = world.compute_patch_friction(domain.friction, domain.patch_friction)
+        fields.geom_friction[world.patch_geoms, 0] = patches
     fields.actuator_forcerange[world.hinge_servos] = np.stack([-torque, torque], axis=-1)
     if scout.tracks == "spheres":
         fields.geom_surfacevel[world.track_geoms] = compute_surface_velocity(scout, domain.track_speed)
+    qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw, domain.roll)
+    world.write_control(control[None], qpos[None, world.hinge_qpos], np.full((1, 1), domain.track_speed))
+
+
+def split_reset(
+    options: Mapping[str, Any] | None, num: int
+) -> tuple[Bool[np.ndarray, " N"], list[dict[str, Any]]]:
+    """Return which of `num` simulations are reset, and the reset options of each.
+
+    An array or list with `num` entries gives each its own; a tuple (low, high) and a number go to all.
+    """
+    given = dict(options or {})
+    mask = np.asarray(given.pop("reset_mask", np.ones(num)), dtype=bool)
+    if mask.shape != (num,):
+        raise OptionError(f"reset_mask has shape {mask.shape}; give one value for each of {num}")
+    split: list[dict[str, Any]] = [{} for _ in range(num)]
+    for name, value in given.items():
+        is_shared = isinstance(value, tuple) or np.ndim(value) == 0
+        if not is_shared and len(value) != num:
+            raise OptionError(
+                f"{name} has {len(value)} values for {num} simulations; give one each or a pair"
+            )
+        for row, one in enumerate(split):
+            one[name] = value if is_shared else value[row]
+    return mask, split
+
+
+class LayoutError(ArenaError):
+    """Arenas differ in more than lengths, so that one batch cannot hold them."""
+
+
+class SharedModel:
+    """One model for all simulations; the batch holds what differs."""
+
+    def __init__(self, batch: Batch, world: World) -> None:
+        self._world = world
+        self._fields = {name: batch.expand(name) for name in VARIED}
+
+    def select(self, row: int, index: int) -> Any:
+        """Return the fields of a simulation's own when it begins in world `index`."""
+        del index
+        return SimpleNamespace(**{name: values[row] for name, values in self._fields.items()})
+
+    def commit(self) -> None:
+        """Do nothing: what is written is in the batch at once."""
+
+    def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
+        """Write track speeds [m/s], one per simulation, per module or per side."""
+        self._world.write_track_speed(self._fields["geom_surfacevel"], speed)
+
+
+class IndividualModels:
+    """A model for each simulation, of the world that it began in.
+
+    Models that are not in use wait in a pool, so that there are few more of them than simulations.
+    """
+
+    def __init__(self, batch: Batch, worlds: Sequence[World]) -> None:
+        self._batch, self._worlds = batch, worlds
+        self._spare: list[list[mujoco.MjModel]] = [[] for _ in worlds]
+        self._index = [0] * batch.nsim
+        self._models = [self._take(0) for _ in range(batch.nsim)]
+        for index, world in enumerate(worlds):
+            try:
+                batch.set_models(world.model)
+            except mujoco.FatalError as error:
+                raise LayoutError(
+                    f"the arenas stretched by {worlds[0].config.stretch:g} and {world.config.stretch:g} "
+                    "differ in their kinds of pieces; give each an environment of its own"
+                ) from error
+            self._spare[index].append(self._take(index))
+        self.commit()
+
+    def _take(self, index: int) -> mujoco.MjModel:
+        spare = self._spare[index]
+        return spare.pop() if spare else self._worlds[index].model.__copy__()
+
+    def select(self, row: int, index: int) -> Any:
+        """Return the model of a simulation that begins in world `index`."""
+        if self._index[row] != index:
+            self._spare[self._index[row]].append(self._models[row])
+            self._index[row], self._models[row] = index, self._take(index)
+        return self._models[row]
+
+    def commit(self) -> None:
+        """Pass to the batch what was written."""
+        self._batch.set_models(self._models)
+
+    def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
+        """Write track speeds [m/s], one per simulation, per module or per side."""
+        for row, model in enumerate(self._models):
+            self._worlds[0].write_track_speed(model.geom_surfacevel[None], speed[row : row + 1])
+        self.commit()

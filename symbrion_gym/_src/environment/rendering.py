@@ -24,8 +24,6 @@ _MOST_SHEETS = 8  # Surfaces seen from behind, which are not drawn, that a line 
 _STEP = 1e-4  # A line of sight goes on this far behind a surface [m]
 _CLEARANCE = 0.9  # Share of the free way that is used where no view is free
 _LEAST_DISTANCE = 0.3  # The camera is not nearer to the organism than this [m]
-
-
 _SEEN_SHARE = 0.5  # Share of the points that a free view shows
 
 
@@ -38,10 +36,9 @@ class View(NamedTuple):
 
 
 class Sight:
-    """Lines of sight in a scene; only the arena's surface, as it is drawn, ends them."""
+    """Lines of sight in a simulation; only the arena's surface, as it is drawn, ends them."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Look at a simulation; nothing of it is changed."""
         self._model, self._data = model, data
         self._groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
         self._groups[SURFACE_GROUP] = 1
@@ -65,23 +62,18 @@ class Sight:
             for turn in _TURNS
         ]
         candidates = [wanted, *([] if current is None else [current]), *views]
+        eyes = [target + view.distance * _find_way(view) for view in candidates]
         best, most = wanted, 0.0
-        for view in candidates:
-            eye = target + view.distance * _find_way(view)
+        for view, eye in zip(candidates, eyes, strict=True):
             share = float(np.mean([np.isinf(self._find_free_way(point, eye)) for point in seen]))
             if share >= _SEEN_SHARE:
                 return view
             if share > most:
                 best, most = view, share
-        return best if most > 0.0 else self._come_near(target, candidates)
-
-    def _come_near(self, target: Float[np.ndarray, " 3"], views: list[View]) -> View:
-        """Return the view with the longest free way to the target, from within that way."""
-        ways = [self._find_free_way(target, target + view.distance * _find_way(view)) for view in views]
-        longest = int(np.argmax(ways))
-        distance = views[longest].distance
-        near = max(_CLEARANCE * ways[longest], min(_LEAST_DISTANCE, distance))
-        return views[longest]._replace(distance=min(near, distance))
+        if most > 0.0:
+            return best
+        free, best = max(zip((self._find_free_way(target, eye) for eye in eyes), candidates, strict=True))
+        return best._replace(distance=min(max(_CLEARANCE * free, _LEAST_DISTANCE), best.distance))
 
     def _find_free_way(self, target: Float[np.ndarray, " 3"], eye: Float[np.ndarray, " 3"]) -> float:
         """Return how far from a target the first surface is that hides it from the camera [m]; inf without one."""
@@ -111,8 +103,6 @@ def _find_way(view: View) -> Float[np.ndarray, " 3"]:
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
 logger = logging.getLogger(__name__)
 _MAX_GEOMS = 4000  # Geoms that an image can hold, beside those of the model
-
-
 _LAG = 0.5
 """Time after which the camera has gone two thirds of the way to the organism [s]; longer is smoother."""
 _DISTANCE = 0.75  # The camera is this far from the organism [m] ..
@@ -155,11 +145,9 @@ def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
 
 
 class SceneRenderer:
-    """Renders one simulation off screen, or in a window.
+    """Renders one simulation off screen, or in a window, from the side; `camera` may be changed between images.
 
-    Attributes:
-        camera: looks at the organism from the side; may be changed between images. Where something of the arena hides
-            the organism from it, an image is taken from the nearest direction that is free.
+    Where something of the arena hides the organism, an image is taken from the nearest direction that is free.
     """
 
     def __init__(
@@ -172,8 +160,6 @@ class SceneRenderer:
         heading: float,
         quality: ArenaQuality | None = None,
     ) -> None:
-        """Prepare; windows and graphics contexts are made at the first image."""
-        self._lag = _LAG
         model.vis.map.znear = min(model.vis.map.znear, _NEAREST / max(model.stat.extent, 1e-6))
         self._model, self._data, self._size = model, data, (width, height)
         self._renderer: mujoco.Renderer | None = None
@@ -205,7 +191,7 @@ class SceneRenderer:
         self._time = self._data.time
         if self._middle is None or at_once or passed < 0.0:
             self._middle = middle
-        self._middle = self._middle + (1.0 - np.exp(-passed / self._lag)) * (middle - self._middle)
+        self._middle = self._middle + (1.0 - np.exp(-passed / _LAG)) * (middle - self._middle)
         self.camera.lookat[:] = self._middle
 
     def _find_free_camera(self) -> mujoco.MjvCamera:

@@ -15,12 +15,6 @@ class StableBaselinesEnv(VecEnv):
 
     Simulations that end are reset in the same step. The `info` of an ended episode holds `terminal_observation`,
     `TimeLimit.truncated`, `is_success` and every number and flag of the environment.
-
-    Args:
-        envs: vector environment with `autoreset_mode="SameStep"`.
-
-    Raises:
-        ValueError: the environment resets in another way.
     """
 
     def __init__(self, envs: VectorEnv) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, fields
 from functools import cached_property
 from pathlib import Path
@@ -24,9 +24,8 @@ from symbrion_gym._src.arenas.spec import PATCH_PRIORITY
 from symbrion_gym._src.arenas.stretch import stretch_arena
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import MAX_MODULES, SCOUT_OPTIONS, EnvironmentConfig, apply_options
-from symbrion_gym._src.environment.laying import LIFT, GroundPlacement
+from symbrion_gym._src.environment.laying import LIFT, GroundPlacement, Settler, compute_depth, tumble
 from symbrion_gym._src.environment.rendering import add_scene
-from symbrion_gym._src.environment.settling import Settler, compute_depth, tumble
 from symbrion_gym._src.errors import ArenaError, OrganismError
 from symbrion_gym._src.robot.body_plans import load_organism
 from symbrion_gym._src.robot.organism import Organism
@@ -43,11 +42,7 @@ _RESIZABLE = ("truth", "simple")  # Named arenas whose pit has a width of choice
 def find_arena(config: EnvironmentConfig) -> Arena:
     """Return the arena of the options; `pit` resizes the arenas made in code."""
     arena = config.arena
-    if isinstance(arena, Arena):
-        if config.pit is not None and getattr(arena.course, "pit", None) != config.pit:
-            raise ArenaError(f"the pit of a ready arena cannot be set to {config.pit}; build another arena")
-        return arena
-    if not isinstance(arena, str | Path):
+    if not isinstance(arena, Arena | str | Path):
         raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
     if arena in _MADE_IN_CODE and (config.course or arena in config.default_course):
         return _make_course_arena(str(arena), config)
@@ -55,36 +50,27 @@ def find_arena(config: EnvironmentConfig) -> Arena:
         raise ArenaError(
             f"sizes of a course go with an arena made in code, {', '.join(_MADE_IN_CODE)}, not with {str(arena)!r}"
         )
-    is_named = arena in _RESIZABLE
-    pit = config.default_pit if is_named and config.pit is None else config.pit
-    if pit is None:
-        return _load(arena, config)
-    if is_named:
-        return load_arena(arena, pit=pit)
-    loaded = _load(arena, config)
-    if getattr(loaded.course, "pit", None) != config.pit:
+    if arena in _RESIZABLE:
+        return load_arena(str(arena), pit=config.default_pit if config.pit is None else config.pit)
+    found = arena if isinstance(arena, Arena) else _load(arena, config)
+    if config.pit is not None and getattr(found.course, "pit", None) != config.pit:
         raise ArenaError(
-            f"arena {str(arena)!r} has its own pit; pit={config.pit} works with named courses only"
+            f"the pit of arena {found.name!r} cannot be set to {config.pit}, as it has its own pit; pit={config.pit} "
+            "works with named courses only"
         )
-    return loaded
+    return found
 
 
 def _make_course_arena(name: str, config: EnvironmentConfig) -> Arena:
-    """Return an arena made in code in other sizes."""
-    sizes = {**config.default_course.get(name, {}), **config.course}
-    kind = "stairs"
-    if name != "stairs":
-        kind = "pit"
-        pit = config.default_pit if config.pit is None else config.pit
-        sizes |= {} if pit is None else {"pit": pit}
-    elif config.pit is not None:
+    """Return an arena made in code in other sizes; those that are not given are the course's own."""
+    kind = "stairs" if name == "stairs" else "pit"
+    pit = config.default_pit if config.pit is None else config.pit
+    if kind == "stairs" and config.pit is not None:
         raise ArenaError(f"arena 'stairs' has no pit; leave out pit={config.pit}")
-    return load_arena(name, course=make_course({"kind": kind, **_complete(kind, sizes)}))
-
-
-def _complete(kind: str, sizes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all sizes of a course; those that are not given are its defaults."""
-    return {**asdict(COURSES[kind]()), **sizes}
+    sizes = {"kind": kind, **asdict(COURSES[kind]()), **config.default_course.get(name, {}), **config.course}
+    if kind == "pit" and pit is not None:
+        sizes["pit"] = pit
+    return load_arena(name, course=make_course(sizes))
 
 
 def _load(arena: str | Path, config: EnvironmentConfig) -> Arena:
@@ -139,53 +125,27 @@ class Physics(NamedTuple):
 
 
 class World:
-    """A compiled arena with an organism in it.
-
-    Attributes:
-        config: the options.
-        arena: arena of the simulation.
-        organism: organism in it.
-        task: what is to be done.
-        scene: the arena with the way of the task.
-        route: the way to go.
-        map_route: the way as the map has it, without `stretch`.
-        model: the compiled model; change a copy, as simulations share it.
-        friction: sliding friction of the robot on the ground, outside of friction patches.
-        modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
-        is_by_site: whether the modules are found by their sites, as some share a body.
-        hinge_qpos: addresses of the joints in qpos, `[h]`: hinges, then rotations of arms if modules have two joints.
-        hinge_dof: their addresses in qvel, `[h]`.
-        is_sliced: whether `modules` is a slice, so that a view stays live.
-        wheel_radius: radius of the driven wheels or spheres [m].
-        robot_geoms: ids of the geoms of the robot that touch.
-        patch_geoms: ids of the contact pieces in friction patches; none where there is one friction for all.
-        hinge_servos: ids of their actuators, `[h]`.
-        servo_range: largest angles that those hold, `[h]` [rad].
-        servo_torque: their largest torques, `[h]` [N m].
-        wheel_servos: ids of the wheels' actuators, module by module, left before right; none with sphere tracks.
-        track_geoms: `[n, T]` ids of the geoms that drive, per module, left before right.
-    """
+    """A compiled arena with an organism in it."""
 
     def __init__(self, config: EnvironmentConfig, image_size: tuple[int, int] = (640, 400)) -> None:
-        self._image_size = image_size
         self.config = config
         on_map = find_arena(config)
         self.arena = stretch_arena(on_map, config.stretch)
         self.organism = find_organism(config, float(self.arena.friction))
-        self.friction = float(self.organism.scout.friction)
+        self.friction = float(self.organism.scout.friction)  # of the robot on the ground, outside of patches
         self.task = config.find_task()
-        self.map_route = self.task.find_route(on_map, self.organism)
+        self.map_route = self.task.find_route(on_map, self.organism)  # as the map has it, without `stretch`
         self.route = (
             self.map_route if self.arena is on_map else self.task.find_route(self.arena, self.organism)
         )
         self.scene = Scene(self.arena, self.organism, self.route, self.map_route)
         self._placement = GroundPlacement(self.arena, self.organism, self.route.start_height)
-        self.model = self._make_spec().compile()
+        self.model = self._make_spec(*image_size).compile()  # change a copy, as simulations share it
         self._find_ids()
 
-    def _make_spec(self) -> mujoco.MjSpec:
+    def _make_spec(self, width: int, height: int) -> mujoco.MjSpec:
         spec = self.arena.spec()
-        add_scene(spec, *self._image_size)
+        add_scene(spec, width, height)
         self.organism.add_to(spec, spec.worldbody)
         if self.config.track_control == "skid" and self.organism.scout.tracks != "spheres":
             limit_wheels(spec, self.organism.scout.wheel_torque)
@@ -206,31 +166,34 @@ class World:
 
     def _find_ids(self) -> None:
         model, organism = self.model, self.organism
-        sites = [model.site(f"module_{i}") for i in range(organism.num_modules)]
+        self.num_modules, scout = organism.num_modules, organism.scout
+        sites = [model.site(f"module_{i}") for i in range(self.num_modules)]
+        # Modules are found by their sites where some share a body; as a slice, so that views of them stay live.
         self.is_by_site = any(np.abs(site.pos).max() > _SAME or abs(site.quat[3]) > _SAME for site in sites)
-        ids = [site.id if self.is_by_site else site.bodyid[0] for site in sites]
-        follow = ids == list(range(ids[0], ids[0] + len(ids)))
-        self.modules = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
-        self.is_sliced = follow
-        self.wheel_radius = compute_wheel_radius(organism.scout)
+        self.modules = make_slice(
+            np.array([site.id if self.is_by_site else site.bodyid[0] for site in sites])
+        )
+        self.is_sliced = isinstance(self.modules, slice)
+        # Joints with a servo: hinges, then rotations of arms if modules have two joints.
         joints = [model.joint(name) for name in organism.servos]
+        self.num_hinges = len(joints)
         self.hinge_qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
         self.hinge_dof = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
         self.hinge_servos = np.array([model.actuator(name).id for name in organism.servos], dtype=np.int64)
         self._servos = make_slice(self.hinge_servos)
-        modules, wheels = range(organism.num_modules), range(len(find_driven_wheels(organism.scout)))
+        self.servo_range = model.actuator_ctrlrange[self.hinge_servos, 1].copy()  # largest angles [rad]
+        self.servo_torque = model.actuator_forcerange[self.hinge_servos, 1].copy()  # [N m]
+        # What drives the tracks, module by module, left before right: geoms, and with wheels their actuators.
+        modules, wheels = range(self.num_modules), range(len(find_driven_wheels(scout)))
+        self.wheel_radius = compute_wheel_radius(scout)
         self.track_geoms = np.array(
             [[model.geom(f"module_{i}_track_{k}").id for k in wheels] for i in modules]
         )
-        wheels = wheels if organism.scout.tracks != "spheres" else range(0)
-        self.wheel_servos = np.array(
-            [model.actuator(f"module_{i}_wheel_{k}").id for i in modules for k in wheels], dtype=np.int64
-        )
+        names = [f"module_{i}_wheel_{k}" for i in modules for k in wheels if scout.tracks != "spheres"]
+        self.wheel_servos = np.array([model.actuator(name).id for name in names], dtype=np.int64)
         self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
         self.patch_geoms = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_priority == PATCH_PRIORITY))
         self._patches = self._find_patches()
-        self.servo_range = model.actuator_ctrlrange[self.hinge_servos, 1].copy()
-        self.servo_torque = model.actuator_forcerange[self.hinge_servos, 1].copy()
 
     def _find_patches(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
         """Return friction and half-width of the interval of the patch of every piece that lies in one."""
@@ -250,16 +213,6 @@ class World:
         ratio = friction / self.arena.friction
         return np.clip((middle + place * half_width) * ratio, *FRICTION_LIMITS)
 
-    @property
-    def num_modules(self) -> int:
-        """Number of modules."""
-        return self.organism.num_modules
-
-    @property
-    def num_hinges(self) -> int:
-        """Number of joints with a servo: working hinges and, where modules have two joints, rotations of arms."""
-        return len(self.hinge_qpos)
-
     def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
         """Return the physics behind named fields `[N, ...]`, as views where modules follow each other."""
         places = ("site_xpos", "site_xmat") if self.is_by_site else ("xpos", "xmat")
@@ -276,23 +229,23 @@ class World:
         """Write the servos' controls."""
         control[:, self._servos] = target
         if len(self.wheel_servos):
-            rate = self._spread_speed(track_speed) / self.wheel_radius
-            control[:, self.wheel_servos] = rate.reshape(-1, len(self.wheel_servos))
+            control[:, self.wheel_servos] = self.compute_rates(track_speed, np)
 
     def write_track_speed(
         self, field: Float[np.ndarray, "N ngeom 6"], track_speed: Float[np.ndarray, "N tracks"]
     ) -> None:
-        """Write the surface velocity of sphere tracks."""
+        """Write the surface velocity of sphere tracks: their rate about the lateral axis."""
         if not len(self.wheel_servos):
-            field[:, self.track_geoms, 4] = self._spread_speed(track_speed) / self.wheel_radius
+            rates = self.compute_rates(track_speed, np)
+            field[:, self.track_geoms, 4] = rates.reshape(-1, *self.track_geoms.shape)
 
-    def _spread_speed(self, track_speed: Float[np.ndarray, "N tracks"]) -> Float[np.ndarray, "N n T"]:
-        """Return the speed at each of what drives [m/s]: alike in a body, a module, or a side of a module."""
-        modules, wheels = self.track_geoms.shape
-        speed = track_speed[:, :, None]
+    def compute_rates(self, track_speed: Float[Any, "N tracks"], xp: Any) -> Float[Any, "N T"]:
+        """Return the rates of what drives [rad/s]: alike in a body, a module, or a side of a module."""
+        (modules, wheels), speed = self.track_geoms.shape, track_speed[:, :, None]
         if track_speed.shape[1] == 2 * modules:
-            speed = np.repeat(track_speed.reshape(-1, modules, 2), wheels // 2, axis=2)
-        return np.broadcast_to(speed, (len(track_speed), modules, wheels))
+            speed = track_speed.reshape(-1, modules, 2).repeat(wheels // 2, axis=2)
+        speed = xp.broadcast_to(speed, (len(track_speed), modules, wheels))
+        return speed.reshape(len(speed), -1) / self.wheel_radius
 
     def lay_down(
         self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0, roll: float = 0.0
@@ -300,28 +253,24 @@ class World:
         """Return qpos of an organism at rest on the ground at the start, bent as the ground is."""
         route = self.route
         x, y = (float(v) for v in route.place(route.start + offset, lateral))
-        laid = self._placement.lay(PlanarPose(x, y, route.heading + yaw))
         qpos = self.model.qpos0.copy()
-        qpos[:3], qpos[3:7] = laid.position, laid.quaternion
+        qpos[:7], hinges = self._placement.lay(PlanarPose(x, y, route.heading + yaw))
         if roll:
             return tumble(self.scene, qpos, route.heading + yaw, roll)
-        qpos[self.hinge_qpos[: len(laid.hinges)]] = laid.hinges
-        if not self._placement.is_snake or compute_depth(self.model, self._probe, qpos) > _SUNK:
-            return self._settler.settle(qpos, LIFT)
-        if self.num_modules > 1:
+        qpos[self.hinge_qpos[: len(hinges)]] = hinges
+        has_sunk = compute_depth(self.model, self._probe, qpos) > _SUNK
+        if self._placement.is_snake and self.num_modules > 1 and not has_sunk:
             return qpos
         settled = self._settler.settle(qpos, LIFT)
         has_tipped = abs(settled[3:7] @ qpos[3:7]) < np.cos(_TIPPED / 2)
-        return settled if has_tipped else qpos
+        return settled if has_tipped or has_sunk or not self._placement.is_snake else qpos
 
     @cached_property
     def _probe(self) -> mujoco.MjData:
-        """State in which contacts of a pose are looked up."""
         return mujoco.MjData(self.model)
 
     @cached_property
     def _settler(self) -> Settler:
-        """What bends a body to the ground; made when the first is laid down, as it takes a copy of the model."""
         sites = np.array([self.model.site(f"module_{i}").id for i in range(self.num_modules)])
         return Settler(self.model, sites, self.hinge_dof, self.organism.scout.size[2] / 2)
 

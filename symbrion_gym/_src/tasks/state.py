@@ -57,7 +57,7 @@ class Scene:
 
 
 class HostArrays:
-    """The answers of NumPy; those of JAX are in `symbrion_gym._src.environment.warp.device.state`.
+    """The answers of NumPy; those of JAX are in `symbrion_gym._src.environment.warp.state`.
 
     A term that uses operators, methods of arrays, the functions of `xp`, and these methods runs on both. On a device
     all simulations are computed at once: whatever looks at values (`if`, `np.flatnonzero`) belongs in here.

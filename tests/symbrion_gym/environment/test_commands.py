@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from symbrion_gym._src.environment.commands import Commands
 from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.errors import OptionError
 
 
@@ -32,8 +32,7 @@ def test_a_lone_scout_turns_on_the_spot_and_drives_straight(tracks):
     assert np.arctan2(way[1], way[0]) == pytest.approx(find_heading(env), abs=0.1)
 
 
-@pytest.mark.parametrize("tracks", ["spheres", "wheels"])
-@pytest.mark.parametrize("control", ["skid", "modules"])
+@pytest.mark.parametrize(("tracks", "control"), [("spheres", "skid"), ("wheels", "modules")])
 def test_each_number_goes_to_its_own_side_of_its_own_module(tracks, control):
     """In a tree, parts are not in the order of the modules."""
     env = OrganismEnv(organism="H", track_control=control, tracks=tracks)
@@ -54,21 +53,18 @@ def test_each_number_goes_to_its_own_side_of_its_own_module(tracks, control):
             assert rate == pytest.approx(0.1 * wanted / 0.02)
 
 
-def test_the_speed_of_the_head_is_the_mean_of_its_sides():
-    world = OrganismEnv(modules=2, track_control="skid").world
-    commands = Commands(world, 1)
-    commands.begin(0, np.zeros(1), 0.1)
-    commands.take(np.array([[0.0, 1.0, -0.5, 0.3, 0.3]]))
-    assert commands.compute_head_speed() == pytest.approx(0.1 * 0.25)
-
-
 def test_what_is_not_a_number_is_refused_where_a_simulation_is_stepped():
-    commands = Commands(OrganismEnv(modules=1, track_control="skid").world, 2)
-    for row in range(2):
-        commands.begin(row, np.zeros(0), 0.1)
-    commands.take(np.array([[0.5, -2.0], [0.1, 0.2]]))
-    _, speed = commands.take(np.array([[1e200, 1.0], [0.3, np.nan]]), np.array([True, False]))
-    np.testing.assert_allclose(speed, [[0.1, 0.1], [0.01, 0.02]])
-    with pytest.raises(OptionError, match=r"action\[1\] of simulation 1 \(track speed 1\) is nan"):
-        commands.take(np.array([[0.5, 1.0], [0.3, np.nan]]))
-    assert commands.action.tolist() == [[1.0, 1.0], [0.1, 0.2]]
+    envs = OrganismVectorEnv(
+        2, modules=2, track_control="skid", autoreset_mode="Disabled", max_episode_steps=2
+    )
+    envs.reset(seed=0)
+    first, second = np.array([[0.0, 1e200, -0.5, 0.3, 0.3]] * 2), np.zeros((2, 5))
+    envs.step(first)
+    second[1, 2] = np.nan
+    with pytest.raises(OptionError, match=r"action\[2\] of simulation 1 \(track speed 1\) is nan"):
+        envs.step(second)
+    envs.step(first)
+    envs.reset(options={"reset_mask": np.array([True, False])})
+    envs.step(second)  # the other one has ended
+    part = envs.observation_structure["previous_action"]
+    np.testing.assert_array_equal(envs.step(second)[0][:, part], [second[0], np.clip(first[1], -1.0, 1.0)])

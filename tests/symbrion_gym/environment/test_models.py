@@ -8,9 +8,9 @@ import trimesh
 from side_by_side import assert_equal_ticks
 
 from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.environment.models import LayoutError
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.environment.randomization import LayoutError
 
 STRETCHES = (0.975, 1.0, 1.025)
 OPTIONS = {"arena": "gsrm", "modules": 4, "start": "pit", "stuck_time": 2.0}

@@ -8,6 +8,8 @@ from side_by_side import assert_equal_ticks
 
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.robot.organism import cross, snake
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.sensing.timing import timing
 
 RESET = {
@@ -19,10 +21,15 @@ RESET = {
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"noise": 1.0, "track_control": "modules"}, {"tracks": "wheels", "modules": 2}]
+    ("threads", "options"),
+    [
+        (1, {}),
+        (2, {"noise": 1.0, "track_control": "modules"}),
+        (1, {"modules": snake(3, ScoutConfig(dofs=2)), "track_control": "body"}),
+        (2, {"modules": cross(1), "tracks": "wheels", "track_control": "skid"}),
+    ],
 )
-@pytest.mark.parametrize("threads", [1, 2])
-def test_vector_and_single_agree_to_the_bit(options, threads):
+def test_vector_and_single_agree_to_the_bit(threads, options):
     options = {"modules": 4, "start": "pit", "pit": 0.3, "stuck_time": 2.0, **options}
     vector = OrganismVectorEnv(4, num_threads=threads, autoreset_mode="Disabled", **options)
     singles = [OrganismEnv(**options) for _ in range(4)]
@@ -76,37 +83,31 @@ def test_automatic_resets_agree_with_those_of_gymnasium(mode):
 
 def test_gymnasium_makes_it_by_the_vector_entry_point():
     envs = gym.make_vec(
-        "symbrion_gym/SnakePit-v1", num_envs=2, vectorization_mode="vector_entry_point", modules=3
-    )
-    assert isinstance(envs, OrganismVectorEnv)
+        "symbrion_gym/SnakePit-v1", num_envs=3, vectorization_mode="vector_entry_point", modules=2
+    ).unwrapped
+    assert type(envs) is OrganismVectorEnv
     assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    observation, _ = envs.reset(seed=0)
-    assert envs.observation_space.contains(observation)
-    observation, *_ = envs.step(envs.action_space.sample())
-    assert envs.observation_space.contains(observation)
-    envs.close()
-
-
-def test_async_vector_environments_work():
-    envs = gym.make_vec("symbrion_gym/SnakePit-v1", num_envs=2, vectorization_mode="async", modules=2)
-    envs.reset(seed=0)
-    observation, *_ = envs.step(np.zeros((2, 1)))
-    assert np.isfinite(observation).all()
-    envs.close()
+    assert envs.observation_space.contains(envs.reset(seed=0)[0])
+    assert envs.observation_space.contains(envs.step(envs.action_space.sample())[0])
+    assert len({domain.friction for domain in envs.get_attr("domain")}) == 3
+    assert len({id(rng) for rng in envs.get_attr("np_random")}) == 3
+    assert envs.get_attr("action_space")[0] == envs.single_action_space
+    assert envs.call("render") == (None,) * 3
+    assert envs.call("num_envs") == (3, 3, 3)
+    with pytest.raises(AttributeError):
+        envs.get_attr("no_such_attribute")
 
 
 def test_a_diverged_simulation_leaves_the_others_alone():
     envs = OrganismVectorEnv(2, modules=3, autoreset_mode="Disabled")
     envs.reset(seed=0)
     envs.batch.bind("qvel")[0, 0] = np.inf
-    observation, reward, terminated, _, info = envs.step(np.zeros((2, 2)))
-    assert terminated.tolist() == [True, False]
-    assert info["diverged"].tolist() == [True, False]
-    assert np.isfinite(observation).all()
-    assert np.isfinite(reward).all()
-    for _ in range(3):
-        observation, *_ = envs.step(np.zeros((2, 2)))
-    assert np.isfinite(observation).all()
+    for tick in range(4):
+        observation, reward, terminated, _, info = envs.step(np.zeros((2, 2)))
+        assert terminated.tolist() == [tick == 0, False]
+        assert info["diverged"].tolist() == [True, False]
+        assert np.isfinite(observation).all()
+        assert np.isfinite(reward).all()
 
 
 def test_timers_of_a_batch_can_be_read():
@@ -132,24 +133,17 @@ def test_bad_arguments_are_refused(arguments, message):
         OrganismVectorEnv(**arguments)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_bad_resets_and_actions_are_refused():
+    envs = OrganismVectorEnv(2, modules=3)
+    for arguments, message in (
         ({"seed": [1]}, "1 seeds for 2"),
         ({"options": {"friction": [0.1, 0.2, 0.3]}}, "3 values for 2"),
         ({"options": {"reset_mask": [True]}}, "one value for each of 2"),
         ({"options": {"frictoin": 0.1}}, "no reset option"),
-    ],
-)
-def test_bad_resets_are_refused(arguments, message):
-    envs = OrganismVectorEnv(2, modules=2)
-    with pytest.raises(ValueError, match=message):
-        envs.reset(**arguments)
-
-
-@pytest.mark.parametrize("shape", [(2,), (2, 3), (3, 2), (1, 2)])
-def test_actions_of_another_shape_are_refused(shape):
-    envs = OrganismVectorEnv(2, modules=3)
+    ):
+        with pytest.raises(ValueError, match=message):
+            envs.reset(**arguments)
     envs.reset(seed=0)
-    with pytest.raises(ValueError, match=r"shape \(2, 2\)"):
-        envs.step(np.zeros(shape))
+    for shape in ((2,), (2, 3), (1, 2)):
+        with pytest.raises(ValueError, match=r"shape \(2, 2\)"):
+            envs.step(np.zeros(shape))

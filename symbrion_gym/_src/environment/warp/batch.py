@@ -1,54 +1,63 @@
-"""Many simulations of one model on a device, with the methods of `mujoco.batch.Batch` that environments use."""
+"""Physics on an accelerator in MuJoCo Warp, and the vector environment whose other parts stay on the host."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from mujoco.batch import Batch
 
-from symbrion_gym._src.environment.models import FieldViews
-from symbrion_gym._src.environment.randomization import ModelFields
-from symbrion_gym._src.environment.warp.requirements import find_device, import_warp, prepare_model
+from reconstruction._src.base.extras import require_extras
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, check_count
+from symbrion_gym._src.environment.randomization import VARIED, LayoutError, SharedModel
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
 
 logger = logging.getLogger(__name__)
 
-VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
-"""Fields of the model of which every world has its own."""
-_INPUTS = ("qpos", "qvel", "ctrl")  # Fields that are written to the device; all others are only read
+_INPUTS = (
+    "qpos",
+    "qvel",
+    "qacc_warmstart",
+    "ctrl",
+)  # Fields that are written to the device; others are only read
 _ROWS_PER_CONTACT = 4  # Rows of constraints of a contact with pyramidal cones; elliptic ones need three
 _FLOAT_SIZE = 4  # Of a number on the device [bytes]
 _MIN_CONTACTS = 32  # Space for contacts of a world, however small the body
 
 
+def import_warp() -> tuple[Any, Any]:
+    """Return the modules `warp` and `mujoco_warp`, which print nothing from now on."""
+    require_extras("backend 'warp'", "gpu")
+    import warp
+
+    warp.config.log_level = max(warp.config.log_level, warp.LOG_ERROR)
+    import mujoco_warp
+
+    return warp, mujoco_warp
+
+
+def find_device(name: str | None) -> Any:
+    """Return a device of Warp; by default the first GPU, and the processor where there is none."""
+    known = {each.alias: each for each in import_warp()[0].get_devices()}
+    if name is None:
+        name = next((alias for alias in known if alias.startswith("cuda")), "cpu")
+    name = "cuda:0" if name == "cuda" else name
+    if name not in known:
+        raise OptionError(f"there is no device {name!r} for backend 'warp'; there are: {', '.join(known)}")
+    return known[name]
+
+
 class WarpBatch:
-    """Simulations of one model in MuJoCo Warp, in single precision.
+    """Simulations of one model in single precision, with the methods of `mujoco.batch.Batch` that environments use.
 
     The state lives on the device. What environments read is copied to the host after every call of `step`, and what
-    they write (controls, the state of simulations that begin, fields of the model) is copied to the device before it.
-    Arrays of the host are double, like those of `mujoco.batch.Batch`, and stay the same arrays.
-
-    Args:
-        model: compiled model.
-        nsim: number of simulations.
-        device: "cpu", "cuda:0" and so on; None: the first GPU, and the processor where there is none.
-        max_contacts: contacts of a simulation for which there is space; None: one for each geom that moves. Where it
-            does not suffice, contacts are dropped, and a warning is logged.
-        is_deterministic: whether contacts and sums have a fixed order on a GPU, too, which costs time.
-
-    Attributes:
-        nsim: number of simulations.
-        device: name of the device.
-        max_contacts: contacts of a simulation for which there is space.
-
-    Raises:
-        MissingExtraError: the extra `gpu` is not installed.
-        OptionError: there is no such device, or Warp cannot step the model.
+    they write is copied to the device before it; fields of the model by `write`. Arrays of the host are double.
+    Contacts for which there is no space are dropped, and a warning is logged.
     """
 
     def __init__(
@@ -56,31 +65,29 @@ class WarpBatch:
         model: mujoco.MjModel,
         nsim: int,
         device: str | None = None,
-        max_contacts: int | None = None,
-        is_deterministic: bool = False,
+        max_contacts: int | None = None,  # of a simulation; None for one for each geom that moves
+        is_deterministic: bool = False,  # whether contacts and sums have a fixed order on a GPU, too
     ) -> None:
-        if max_contacts is not None and (int(max_contacts) != max_contacts or max_contacts < 1):
-            raise OptionError(f"max_contacts must be a whole number above 0, got {max_contacts!r}")
-        self._wp, self._mjw = import_warp()
-        self._device = find_device(self._wp, device)
-        self.nsim, self.device = nsim, str(self._device)
+        self.warp, self._mjw = import_warp()
+        self.warp_device = find_device(device)
+        self.nsim, self.device = nsim, str(self.warp_device)
         moving = int(np.count_nonzero((model.geom_bodyid > 0) & (model.geom_contype > 0)))
-        self.max_contacts = int(max_contacts or max(moving, _MIN_CONTACTS))
-        self._host_model = model.__copy__()
-        self._probe = mujoco.MjData(model)
-        self._make(prepare_model(model), is_deterministic)
+        usual = max(moving, _MIN_CONTACTS)
+        self.max_contacts = check_count("max_contacts", usual if max_contacts is None else max_contacts)
+        self._host_model, self._probe = model.__copy__(), mujoco.MjData(model)
+        self._make(model.__copy__(), is_deterministic)
         self._host: dict[str, np.ndarray] = {}
         self._fields: dict[str, np.ndarray] = {}
         for name in _INPUTS:
             self.bind(name)
         self._host["qpos"][:] = model.qpos0
-        self._is_stale = np.ones(nsim, dtype=bool)
         self._graphs: dict[int, Any] = {}
-        self._has_overflowed = False
+        self.has_overflowed = False  # whether contacts were ever dropped
 
     def _make(self, model: mujoco.MjModel, is_deterministic: bool) -> None:
         mjw, rows = self._mjw, _ROWS_PER_CONTACT * self.max_contacts + 2 * model.nv + model.nu
-        with self._wp.ScopedDevice(self._device):
+        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # Warp never resets
+        with self.warp.ScopedDevice(self.warp_device):
             try:
                 self._model = mjw.put_model(model, batch_sizes=dict.fromkeys(VARIED, self.nsim))
             except NotImplementedError as error:
@@ -90,63 +97,58 @@ class WarpBatch:
             self._model.opt.warn_overflow = 0
             self._model.opt.deterministic = is_deterministic
             self._data = mjw.make_data(model, nworld=self.nsim, nconmax=self.max_contacts, njmax=rows)
-            self._history = self._wp.clone(self._data.history) if model.nhistory else None
+            self._history = self.warp.clone(self._data.history) if model.nhistory else None
+            self._each = self.make_indices(np.arange(self.nsim))
+            self._all = self.warp.array(np.ones(self.nsim, dtype=bool), dtype=self.warp.bool)
         lost = mjw.OverflowType.NEFC | mjw.OverflowType.BROADPHASE | mjw.OverflowType.NARROWPHASE
         self._lost = int(lost | mjw.OverflowType.CCD)
+
+    def make_indices(self, values: Int[np.ndarray, " K"]) -> Any:
+        """Return indices as an array of Warp."""
+        return self.warp.array(np.asarray(values, dtype=np.int32), dtype=int, device=self.warp_device)
 
     def bind(self, name: str) -> np.ndarray:
         """Return a live `[nsim, ...]` array over a field of `MjData`."""
         if name not in self._host:
-            shape = getattr(self._probe, name).shape
-            self._host[name] = np.zeros((self.nsim, *shape))
+            self._host[name] = np.zeros((self.nsim, *getattr(self._probe, name).shape))
         return self._host[name]
 
     def expand(self, name: str) -> np.ndarray:
-        """Return the values of a field of the model in every simulation; `write_field` passes on what was written."""
-        if name not in VARIED:
-            raise OptionError(f"{name} is the same in all worlds of Warp; there are: {', '.join(VARIED)}")
+        """Return the values of a field of `VARIED` in every simulation; `write` passes on what was written."""
         if name not in self._fields:
             value = getattr(self._host_model, name)
             self._fields[name] = np.tile(value, (self.nsim,) + (1,) * value.ndim)
         return self._fields[name]
 
-    def write_field(
-        self,
-        name: str,
-        rows: Int[np.ndarray, " R"],
-        columns: Int[np.ndarray, " K"],
-        values: Float[np.ndarray, "R K"],
+    def write(
+        self, name: str, values: Any, columns: Any = None, mask: Any = None, numbers: Any = None
     ) -> None:
-        """Write a part of a field of the model on the device."""
-        self._write(getattr(self._model, name), rows, columns, values)
+        """Write `values[numbers[i], k]` to entry `columns[k]` of a field of simulation i, where a mask holds.
 
-    def _write(self, array: Any, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:
-        """Write entries of an array of the device."""
-        from symbrion_gym._src.environment.warp.kernels import write_entries
+        Values are an array of NumPy or Warp `[K, C]`, the others are arrays of Warp; by default they mean all.
+        """
+        from symbrion_gym._src.environment.warp.kernels import write_rows
 
-        wp, shape = self._wp, (len(rows), len(columns))
-        if not all(shape):
+        wp = self.warp
+        if isinstance(values, np.ndarray):
+            single = np.ascontiguousarray(values.reshape(len(values), -1), dtype=np.float32)
+            values = wp.array(single, dtype=float, device=self.warp_device)
+        if not values.shape[1]:
             return
-        with wp.ScopedDevice(self._device):
-            source = wp.array(np.ascontiguousarray(values, dtype=np.float32).reshape(shape), dtype=float)
-            indices = [wp.array(np.asarray(each, dtype=np.int32), dtype=int) for each in (rows, columns)]
-            wp.launch(write_entries, dim=shape, inputs=[*indices, source], outputs=[self._flatten(array)])
-
-    def _write_rows(self, array: Any, rows: np.ndarray, values: np.ndarray) -> None:
-        """Write all entries of some simulations."""
-        self._write(array, rows, np.arange(values.shape[1]), values)
-
-    def _flatten(self, array: Any) -> Any:
-        """Return an array of the device as `[nsim, C]` of single numbers, without a copy."""
-        shape = self.nsim, array.strides[0] // _FLOAT_SIZE
-        return self._wp.array(ptr=array.ptr, dtype=float, shape=shape, device=self._device)
+        field = getattr(self._data if hasattr(self._data, name) else self._model, name)
+        shape = self.nsim, field.strides[0] // _FLOAT_SIZE
+        target = wp.array(ptr=field.ptr, dtype=float, shape=shape, device=self.warp_device)
+        columns = self.make_indices(np.arange(shape[1])) if columns is None else columns
+        chosen = self._all if mask is None else mask, self._each if numbers is None else numbers
+        with wp.ScopedDevice(self.warp_device):
+            dim = self.nsim, values.shape[1]
+            wp.launch(write_rows, dim=dim, inputs=[*chosen, columns, values], outputs=[target])
 
     def reset(self, ids: Sequence[int] | np.ndarray, stage: int = 0) -> None:
         """Set simulations to the model's defaults; `forward` computes what follows from that, whatever the stage."""
         del stage
         for name in _INPUTS:
             self._host[name][ids] = self._host_model.qpos0 if name == "qpos" else 0.0
-        self._is_stale[ids] = True
 
     def forward(self, ids: Sequence[int]) -> None:
         """Compute what follows from the states of a few simulations, on the host: their observations at the start are
@@ -156,91 +158,59 @@ class WarpBatch:
             for name, values in self._fields.items():
                 getattr(model, name)[:] = values[row]
             mujoco.mj_resetData(model, data)
-            for name in _INPUTS:
-                getattr(data, name)[:] = self._host[name][row]
-            mujoco.mj_forward(model, data)
+            mujoco.mj_forward(model, self.get_data(row, data))
             for name, values in self._host.items():
                 if name not in _INPUTS:
                     values[row] = getattr(data, name)
 
     def step(self, active: Bool[np.ndarray, " nsim"] | None = None, nstep: int = 1) -> None:
-        """Step the simulations; those that are not active end in the state that they had.
+        """Step the simulations; those that are not active end in the state that they had."""
+        for name in _INPUTS:
+            self.write(name, self._host[name])
+        self.launch(nstep)
+        for name, values in self._host.items():
+            if name != "ctrl":
+                rows = slice(None) if active is None else active
+                values[rows] = getattr(self._data, name).numpy().reshape(values.shape)[rows]
+        self.warn_of_overflow()
+
+    def launch(self, nstep: int) -> None:
+        """Run physics steps on the device; on a GPU as one recorded graph, so that launches cost little.
 
         Sensors with an interval are read once, in the first physics step: a clock of single precision that adds up the
         steps of an episode would miss the intervals.
         """
-        if active is not None:
-            self._is_stale |= ~active
-        self._upload()
-        with self._wp.ScopedDevice(self._device):
-            self._rewind()
-            self._launch(nstep)
-        self._download(active)
-        if active is not None:
-            self._is_stale |= ~active
+        wp = self.warp
+        with wp.ScopedDevice(self.warp_device):
+            if self._history is not None:
+                wp.copy(self._data.history, self._history)
+                self._data.time.zero_()
+            if self.warp_device.is_cpu:
+                self._step(nstep)
+                return
+            if nstep not in self._graphs:
+                self._compile()
+                with wp.ScopedCapture() as capture:
+                    self._step(nstep)
+                self._graphs[nstep] = capture.graph
+            wp.capture_launch(self._graphs[nstep])
 
-    def _rewind(self) -> None:
-        """Set back the clock of sensors with an interval."""
-        if self._history is not None:
-            self._wp.copy(self._data.history, self._history)
-            self._data.time.zero_()
-
-    def _upload(self) -> None:
-        """Write controls to the device, and the states of simulations that began or stood still."""
-        data, host, rows = self._data, self._host, np.flatnonzero(self._is_stale)
-        if len(rows):
-            self._write_rows(data.qpos, rows, host["qpos"][rows])
-            self._write_rows(data.qvel, rows, host["qvel"][rows])
-            self._write_rows(data.qacc_warmstart, rows, np.zeros((len(rows), self._host_model.nv)))
-            self._is_stale[:] = False
-        self._write_rows(data.ctrl, np.arange(self.nsim), host["ctrl"])
-
-    def _launch(self, nstep: int) -> None:
-        """Run physics steps; on a GPU as one recorded graph, so that launches cost little."""
-        if self._device.is_cpu:
-            for _ in range(nstep):
-                self._mjw.step(self._model, self._data)
-            return
-        if nstep not in self._graphs:
-            self._compile()
-            with self._wp.ScopedCapture() as capture:
-                for _ in range(nstep):
-                    self._mjw.step(self._model, self._data)
-            self._graphs[nstep] = capture.graph
-        self._wp.capture_launch(self._graphs[nstep])
+    def _step(self, nstep: int) -> None:
+        for _ in range(nstep):
+            self._mjw.step(self._model, self._data)
 
     def _compile(self) -> None:
         """Compile the kernels by a step from which the simulations return."""
-        data, wp = self._data, self._wp
-        names = (
-            "qpos",
-            "qvel",
-            "qacc_warmstart",
-            "ctrl",
-            "time",
-            *(("history",) if self._history is not None else ()),
-        )
-        kept = {name: wp.clone(getattr(data, name)) for name in names}
-        self._mjw.step(self._model, data)
+        names = (*_INPUTS, "time", *(("history",) if self._history is not None else ()))
+        kept = {name: self.warp.clone(getattr(self._data, name)) for name in names}
+        self._step(1)
         for name, values in kept.items():
-            wp.copy(getattr(data, name), values)
+            self.warp.copy(getattr(self._data, name), values)
 
-    def _download(self, active: Bool[np.ndarray, " nsim"] | None) -> None:
-        """Copy what environments read to the host, of the active simulations."""
-        for name, values in self._host.items():
-            if name == "ctrl":
-                continue
-            found = getattr(self._data, name).numpy().reshape(values.shape)
-            if active is None:
-                values[...] = found
-            else:
-                values[active] = found[active]
-        self._look_for_overflow()
-
-    def _look_for_overflow(self) -> None:
-        """Warn once if contacts were dropped."""
-        if not self._has_overflowed and (self._data.overflow.numpy() & self._lost).any():
-            self._has_overflowed = True
+    def warn_of_overflow(self) -> None:
+        """Warn once if contacts were dropped; waits for the device."""
+        if not self.has_overflowed and (self._data.overflow.numpy() & self._lost).any():
+            self.has_overflowed = True
             logger.warning(
                 "Warp has dropped contacts: space for %d per simulation does not suffice; raise max_contacts",
                 self.max_contacts,
@@ -252,20 +222,12 @@ class WarpBatch:
         geoms, worlds = contact.geom.numpy()[:count].reshape(-1, 2), contact.worldid.numpy()[:count]
         return [geoms[worlds == row] for row in range(self.nsim)]
 
-    @property
-    def has_overflowed(self) -> bool:
-        """Whether contacts were ever dropped for lack of space."""
-        return self._has_overflowed
-
     def get_data(self, sim: int, data: mujoco.MjData | None = None) -> mujoco.MjData:
         """Return the state of a simulation; run `mj_forward` for what follows from it."""
         data = mujoco.MjData(self._host_model) if data is None else data
         for name in _INPUTS:
             getattr(data, name)[:] = self._host[name][sim]
         return data
-
-
-_TURN = 4  # Entry of a geom's surface velocity that drives: its rate about the lateral axis
 
 
 def list_columns(world: World) -> dict[str, Int[np.ndarray, " C"]]:
@@ -280,44 +242,61 @@ def list_columns(world: World) -> dict[str, Int[np.ndarray, " C"]]:
     }
 
 
-def list_driven(world: World) -> Int[np.ndarray, " T"]:
-    """Return the entries of the flattened surface velocities that drive, module by module."""
-    return world.track_geoms.ravel() * world.model.geom_surfacevel.shape[1] + _TURN
-
-
-class WarpModel:
-    """One model for all simulations of a `WarpBatch`, with the methods of `SharedModel`.
-
-    Args:
-        batch: batch of the simulations.
-        world: world of all simulations.
-    """
+class _WarpModel(SharedModel):
+    """One model for all simulations of a `WarpBatch`, to which it passes on what was written."""
 
     def __init__(self, batch: WarpBatch, world: World) -> None:
-        self._batch, self._world = batch, world
-        self._fields = {name: batch.expand(name) for name in VARIED}
-        self._columns = list_columns(world)
-        self._driven = list_driven(world)
-        self._begun: list[int] = []
-
-    def select(self, row: int, index: int) -> ModelFields:
-        """Return the fields of a simulation's own that begins; there is one world."""
-        del index
-        self._begun.append(row)
-        return FieldViews(**{name: values[row] for name, values in self._fields.items()})
+        super().__init__(cast(Batch, batch), world)
+        self._batch, self._columns = batch, list_columns(world)
+        self._indices = {name: batch.make_indices(columns) for name, columns in self._columns.items()}
 
     def commit(self) -> None:
-        """Pass to the device what was written of the simulations that begin."""
-        rows, self._begun = np.array(self._begun, dtype=np.int64), []
-        for name, columns in self._columns.items():
-            values = self._fields[name]
-            self._batch.write_field(name, rows, columns, values.reshape(len(values), -1)[rows][:, columns])
+        for name in self._columns:
+            self._write(name)
 
     def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
-        """Write track speeds [m/s], one per simulation, per module or per side."""
-        if len(self._world.wheel_servos):
-            return
-        field = self._fields["geom_surfacevel"]
-        self._world.write_track_speed(field, speed)
-        values = field.reshape(len(field), -1)[:, self._driven]
-        self._batch.write_field("geom_surfacevel", np.arange(len(field)), self._driven, values)
+        super().write_track_speed(speed)
+        if "geom_surfacevel" in self._columns:
+            self._write("geom_surfacevel")
+
+    def _write(self, name: str) -> None:
+        values = self._fields[name].reshape(self._batch.nsim, -1)[:, self._columns[name]]
+        self._batch.write(name, values, self._indices[name])
+
+
+class WarpVectorEnv(OrganismVectorEnv):
+    """Many `OrganismEnv` at once whose physics runs on a device, in single precision; see the page on GPUs.
+
+    Observations, rewards, terminations and resets are computed by the same code on the host, from what is copied there
+    once a control step.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        device: str | None = None,
+        max_contacts: int | None = None,
+        is_deterministic: bool = False,
+        num_threads: int | None = None,
+        stretches: Sequence[float] | None = None,
+        **options: Any,
+    ) -> None:
+        if num_threads not in (None, 1):
+            raise OptionError(f"num_threads is {num_threads}, but backend 'warp' has a device; leave it out")
+        if options.get("timers"):
+            raise OptionError("backend 'warp' has no timers; leave out the option timers")
+        if stretches is not None and len(stretches) > 1:
+            raise LayoutError(
+                f"backend 'warp' holds one arena, and there are stretches {tuple(stretches)}; give each an environment "
+                "of its own, with the option stretch"
+            )
+        import_warp()
+        self._device_options = device, max_contacts, is_deterministic
+        super().__init__(num_envs, 1, stretches=stretches, **options)
+
+    def _make_batch(self, num_threads: int) -> None:
+        del num_threads
+        batch = WarpBatch(self.model, self.num_envs, *self._device_options)
+        self.batch, self._models = cast(Batch, batch), _WarpModel(batch, self.world)
+        self._qpos, self._control = batch.bind("qpos"), batch.bind("ctrl")
+        self._physics = self.world.view(batch.bind)

@@ -1,12 +1,12 @@
-"""Where a body believes the goal is."""
+"""What the head believes: where it is by its tracks, and where the goal lies from there."""
 
 from math import pi
 
-import gymnasium as gym
 import numpy as np
 import pytest
+from side_by_side import assert_equal_ticks
 
-from symbrion_gym._src.environment.dead_reckoning import find_motion
+from symbrion_gym._src.environment.observation import find_motion
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.robot.organism import cross, snake
@@ -67,58 +67,31 @@ def test_the_noise_of_the_start_is_not_known():
     assert readings == [readings[0]] * 3
 
 
-def test_the_true_pose_is_not_read():
-    """A body that is carried away notices nothing."""
-    env = make()
-    env.reset(seed=0)
-    before = read(env, run(env, (0.0, 0.0), 5))
-    env.data.qpos[1] += 0.3
-    assert read(env, run(env, (0.0, 0.0), 5)) == pytest.approx(before, abs=1e-6)
-
-
 def test_corners_are_passed_by_the_estimate():
     env = make(task="reach", start=(-2.7, -0.5), goal=(-1.9, 0.5), places=((-2.4, 0.2),))
     env.reset(seed=0)
-    reckoning = env._episodes.reckoning
-    assert reckoning is not None
+    believed = env._episodes.believed
     for corner in env.world.route.corners[:-1]:
-        reckoning.pose[0] = *corner, 0.0
+        believed[0] = *corner, 0.0
         bearing, distance = read(env, run(env, (0.0, 0.0), 2))
         assert distance > 0.05
     last = env.world.route.corners[-1]
-    reckoning.pose[0] = last[0] - 0.3, last[1] - 0.3, 0.0
+    believed[0] = last[0] - 0.3, last[1] - 0.3, 0.0
     bearing, distance = read(env, run(env, (0.0, 0.0), 5))
     assert (bearing, distance) == pytest.approx((pi / 4, np.hypot(0.3, 0.3)), abs=1e-6)
-    reckoning.pose[0] = *last, 0.0
+    believed[0] = *last, 0.0
     assert read(env, run(env, (0.0, 0.0), 5))[1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_single_and_many_are_equal_to_the_bit_and_equal_seeds_too():
-    options = {**LONE, "task": "reach", "distance": 0.5, "arena": "gsrm", "start": (-2.5, -0.3)}
-    noise = {"yaw": (-0.5, 0.5), "start_offset": (-0.02, 0.02)}
-    for body in (1, "cross"):
-        own = {**options, "organism": body, "start": "floor", "randomize": noise}
-        envs = gym.make_vec(
-            "symbrion_gym/Reach-v0", num_envs=3, vectorization_mode="vector_entry_point", **own
-        )
-        many, _ = envs.reset(seed=4)
-        single = OrganismEnv(**own)
-        one, _ = single.reset(seed=5)
-        rng = np.random.default_rng(0)
-        for _ in range(30):
-            assert many[1].tolist() == one.tolist()
-            actions = rng.uniform(-1, 1, envs.action_space.shape)
-            many, one = envs.step(actions)[0], single.step(actions[1])[0]
-        envs.close()
-
-
-def test_observations_stay_within_their_bounds():
-    env = make(task="reach", goal=None, start="floor", arena="gsrm", distance=0.8)
-    env.reset(seed=1)
-    for _ in range(200):
-        observation = env.step(env.action_space.sample())[0]
-        assert env.observation_space.contains(observation)
-    assert env.observation_space.low[0] == -pi
+@pytest.mark.parametrize("body", [1, "cross"])
+def test_single_and_many_are_equal_to_the_bit(body):
+    options = {**LONE, "task": "reach", "distance": 0.5, "arena": "gsrm", "organism": body}
+    options["randomize"] = {"yaw": (-0.5, 0.5), "start_offset": (-0.02, 0.02)}
+    envs, singles = OrganismVectorEnv(2, **options), [OrganismEnv(**options) for _ in range(2)]
+    many, _ = envs.reset(seed=4)
+    for i, single in enumerate(singles):
+        np.testing.assert_array_equal(single.reset(seed=4 + i)[0], many[i])
+    assert_equal_ticks(envs, singles, 30, np.random.default_rng(0))
 
 
 def test_motion_of_a_straight_body():
@@ -141,3 +114,69 @@ def test_a_part_of_the_simulations_may_begin_first():
     observation, _ = envs.reset(seed=0, options={"reset_mask": np.array([True, False, False])})
     one, _ = OrganismEnv(sensors=("goal_direction",), **options).reset(seed=0)
     assert np.array_equal(observation[0], one)
+
+
+@pytest.mark.parametrize("task", ["explore", "recover"])
+@pytest.mark.filterwarnings("error")
+def test_the_goal_is_zero_where_a_task_has_no_place_to_head_for(task):
+    env = OrganismEnv(organism=1, arena="gsrm", task=task, sensors=("goal",))
+    np.testing.assert_array_equal(env.reset(seed=0)[0], 0.0)
+    np.testing.assert_array_equal(env.step(np.zeros(0))[0], 0.0)
+
+
+OPTIONS = {"modules": 2, "sensors": ("track_odometry", "pitch")}
+
+
+def drive(environment: OrganismEnv, ticks: int, action: float = 0.0) -> list[np.ndarray]:
+    return [environment.step(np.full(environment.action_space.shape, action))[0] for _ in range(ticks)]
+
+
+def test_it_begins_where_the_map_has_the_start_and_knows_no_offset():
+    environment = OrganismEnv(**OPTIONS, start="pit")
+    start = environment.world.route.start
+    for offset in (-0.05, 0.0, 0.05):
+        observation, info = environment.reset(seed=0, options={"start_offset": offset})
+        assert observation[0] == start
+        assert info["x_position"] == pytest.approx(start + offset)
+
+
+def test_it_does_not_know_that_the_arena_is_longer_than_its_map():
+    places = [OrganismEnv(**OPTIONS, stretch=factor).reset(seed=0)[0][0] for factor in (0.975, 1.0, 1.025)]
+    assert places == pytest.approx([places[1]] * 3)
+
+
+def test_it_adds_the_way_of_the_tracks_by_the_pitch_of_the_head():
+    environment = OrganismEnv(**OPTIONS)
+    observation, _ = environment.reset(seed=0)
+    observations = np.array([observation, *drive(environment, 200)])
+    way = np.diff(observations[:, 0])
+    assert way == pytest.approx(0.1 * environment.dt * np.cos(observations[1:, 1]))
+    head = environment.physics.position[0, 0, 0]
+    assert observations[-1, 0] == pytest.approx(head, abs=0.03)
+
+
+def test_tracks_that_slip_are_believed():
+    environment = OrganismEnv(**OPTIONS, pit=0.0, friction=0.02)
+    observation, _ = environment.reset(seed=0)
+    last = drive(environment, 1500)[-1]
+    assert (
+        last[0] - observation[0] > environment.physics.position[0, 0, 0] - environment.world.route.start + 0.5
+    )
+
+
+def test_it_goes_by_the_commanded_speed_of_the_head_the_mean_of_its_sides():
+    for control, speeds in (("modules", [-0.5, 1.0]), ("skid", [-1.0, 0.5, 0.3, 0.3])):
+        environment = OrganismEnv(**OPTIONS, track_control=control)
+        before, _ = environment.reset(seed=0)
+        after = environment.step(np.array([0.0, *speeds]))[0]
+        wanted = -0.5 if control == "modules" else -0.25
+        assert after[0] - before[0] == pytest.approx(wanted * 0.1 * environment.dt, rel=1e-3)
+
+
+def test_a_reset_of_others_adds_nothing():
+    environment = OrganismVectorEnv(2, autoreset_mode="Disabled", **OPTIONS)
+    environment.reset(seed=0)
+    before, *_ = environment.step(np.zeros((2, 1)))
+    after, _ = environment.reset(options={"reset_mask": np.array([True, False])})
+    assert after[1, 0] == before[1, 0]
+    assert after[0, 0] < before[0, 0]

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.warp.device.starts import StartingEnv
-from symbrion_gym._src.environment.warp.device.tick import DeviceTick
+from symbrion_gym._src.environment.warp.device_vector_env import StartingEnv
+from symbrion_gym._src.environment.warp.tick import DeviceTick
 from symbrion_gym._src.environment.world import Physics
 
 NUM = 4
@@ -22,7 +22,7 @@ class Both:
     def __init__(self, **options: Any) -> None:
         self.envs = OrganismVectorEnv(NUM, 1, "Disabled", **options)
         self.observation, self.info = self.envs.reset(seed=3)
-        self.host = StartingEnv.make(NUM, 1, options)
+        self.host = StartingEnv(NUM, 1, options)
         starts = self.host.draw([3 + i for i in range(NUM)], [{}] * NUM)
         self.episode = jax.tree.map(jnp.asarray, starts.episode)
         tick = DeviceTick(self.envs.world, self.host.episodes, NUM, None)
@@ -36,26 +36,27 @@ class Both:
             actions: of all simulations.
             unstable: one that the host has found so, and has set back since.
         """
-        commanded, orders = self._command(self.episode, jnp.asarray(actions, dtype=jnp.float32))
+        commanded, sent, _ = self._command(self.episode, jnp.asarray(actions, dtype=jnp.float32))
         self.observation, reward, terminated, truncated, self.info = self.envs.step(actions)
         control = self.envs.batch.bind("ctrl")
-        np.testing.assert_allclose(orders.control[self.running], control[self.running], atol=CLOSE)
+        np.testing.assert_allclose(sent[self.running], control[self.running], atol=CLOSE)
         physics = Physics(*(each.copy() for each in self.envs.world.view(self.envs.batch.bind)))
         if unstable is not None:
             physics.qvel[unstable] = physics.position[unstable] = np.nan
-        ended = self._finish(commanded, Physics(*(jnp.asarray(each, jnp.float32) for each in physics)))
-        self.episode, run = ended.episode, self.running.copy()
+        single = Physics(*(jnp.asarray(each, jnp.float32) for each in physics))  # pyright: ignore
+        self.episode, gained, over, cut = self._finish(commanded, single)
+        run = self.running.copy()
         names = self.host.episodes
         for found, wanted in (
-            (ended.reward, reward),
+            (gained, reward),
             (self._unwind(self.episode.observation), self._unwind(self.observation)),
             (self.episode.numbers, np.array([self.info[name] for name in names.number_names]).T),
         ):
             np.testing.assert_allclose(np.asarray(found)[run], wanted[run], atol=10 * CLOSE)
         flags = np.array([self.info[name] for name in names.flag_names]).T
         for found, wanted in (
-            (ended.terminated, terminated),
-            (ended.truncated, truncated),
+            (over, terminated),
+            (cut, truncated),
             (self.episode.flags, flags),
         ):
             np.testing.assert_array_equal(np.asarray(found)[run], wanted[run])

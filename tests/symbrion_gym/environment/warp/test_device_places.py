@@ -1,9 +1,9 @@
 """Reaching and exploring on a device beside the host: the same terms, fed with the same physics or the same states."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from device_beside_host import Both, run
 import symbrion_gym as sg
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.warp.device.state import DeviceState
+from symbrion_gym._src.environment.warp.state import DeviceGround, DeviceState
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.tasks.state import HostArrays
 
@@ -80,8 +80,7 @@ def test_each_simulation_looks_at_its_own_time():
     tick, low, high = np.array([0.0, 3.0, 4.0, 5.0, 11.0, 20.0]), *world.arena.surface.bounds
     position = np.zeros((len(tick), 1, 3))
     host = Looks([world.scene] * len(tick), position, tick)
-    device = object.__new__(DeviceState)
-    device.num, device._course = len(tick), SimpleNamespace(scene=world.scene)  # pyright: ignore
+    device = DeviceState(world, len(tick))
     goal.progress(host)  # pyright: ignore
     device.memory = {name: jnp.asarray(values) for name, values in host.memory.items()}
     for _ in range(12):
@@ -93,3 +92,19 @@ def test_each_simulation_looks_at_its_own_time():
             np.testing.assert_allclose(device.memory[name], values, rtol=1e-6)
         tick += 1.0
     assert len(set(goal.progress(host).tolist())) > 3  # pyright: ignore
+
+
+@pytest.mark.parametrize("arena", ["truth", "gsrm"])
+def test_heights_of_the_ground_are_those_of_the_host(arena):
+    scene = World(EnvironmentConfig(arena=arena, modules=2)).scene
+    low, high = scene.arena.surface.bounds
+    x, y = np.random.default_rng(0).uniform(low[:2] - 0.1, high[:2] + 0.1, (2000, 2)).T
+    x[0], x[1] = np.nan, 1e9
+    z = np.full(len(x), 5.0)
+    wanted = scene.find_ground(x, y, z)
+    found = np.asarray(jax.jit(DeviceGround(scene).find_ground)(*np.float32([x, y, z])))
+    assert np.isnan(found[:2]).all()
+    assert (np.isfinite(found) == np.isfinite(wanted)).mean() > 0.999, "but for places on a rim"
+    difference = np.abs(found - wanted)[np.isfinite(wanted) & np.isfinite(found)]
+    assert np.median(difference) < 1e-6
+    assert (difference < 1e-4).mean() > 0.99, "but for places at a wall"

@@ -1,8 +1,9 @@
-"""What the terms of a task see on a device: the quantities of `TaskState` as arrays of JAX, under `jax.jit`."""
+"""What lasts from tick to tick of an episode, and what the terms of a task see on a device, as arrays of JAX."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from typing import Any, NamedTuple
 
 import jax
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.tasks.route import SuccessCriteria
 from symbrion_gym._src.tasks.state import Scene
@@ -19,11 +21,7 @@ _EDGE_TOLERANCE = 1e-5
 
 
 class DeviceGround:
-    """The surface of a scene as tables on a device: what `Scene.find_ground` finds, in single precision.
-
-    Args:
-        scene: arena and way.
-    """
+    """The surface of a scene as tables on a device: what `Scene.find_ground` finds, in single precision."""
 
     def __init__(self, scene: Scene) -> None:
         grid = scene.arena.elevation.export_grid()
@@ -56,7 +54,7 @@ class DeviceGround:
         height = jax.lax.fori_loop(0, self._most, look, jnp.full(x.shape, -jnp.inf, dtype=x.dtype))
         return jnp.where(jnp.isneginf(height), jnp.nan, height)
 
-    def _find_cell(self, offset: Float[jax.Array, " P"], count: int) -> jax.Array:
+    def _find_cell(self, offset: Float[jax.Array, " P"], count: int) -> Int[jax.Array, " P"]:
         """Return the cells along an axis; those of places that are not finite are the first."""
         number = jnp.where(jnp.isfinite(offset), jnp.floor(offset / self._cell), 0.0)
         return jnp.clip(number, 0, count - 1).astype(jnp.int32)
@@ -76,14 +74,12 @@ def _compute_height_in(
 
 
 class Episode(NamedTuple):
-    """What lasts from tick to tick of N episodes. Every field has N rows: of NumPy
-    on the host, of JAX on a device.
-    """
+    """What lasts from tick to tick of N episodes, of NumPy on the host, of JAX on a device."""
 
     target: Any  # `[N, h]` commanded angles of the servos [rad]
     action: Any  # `[N, A]` the last action, after clipping
     track_speed: Any  # `[N]` speed of the tracks at an action of 1 [m/s]
-    track_odometry: Any  # `[N]` position of the head by its tracks [m]
+    track_odometry: Any  # `[N, 1]` position of the head by its tracks [m]
     believed: Any  # `[N, 3]` pose of the head by dead reckoning [m, rad]
     headed: Any  # `[N]` number of the place that the body believes to head for
     start_head: Any  # `[N]` position of the head along the way at the start [m]
@@ -101,174 +97,135 @@ class Episode(NamedTuple):
     observation: Any  # `[N, O]` the last observation
 
 
-class Course(NamedTuple):
-    """What all simulations have in common."""
-
-    scene: Scene  # arena and way
-    goal: Any  # goal of the task
-    ground: DeviceGround  # heights of the surface
-    num: int  # number of simulations
-    dt: float  # length of a tick [s]
-    criteria: SuccessCriteria  # limits of standing, rolling over and so on
-
-
 class DeviceState:
-    """The state of a task in N simulations; see `TaskState` for the attributes and `HostArrays` for the methods.
+    """The state of a task in N simulations on a device, under `jax.jit`; all of them are in one scene.
 
-    Args:
-        course: what the simulations have in common.
-        episode: what lasts, with the action of this tick.
-        position: centers of the modules [m].
-        rotation: their rotation matrices, row by row.
-        qvel: generalized velocities.
-        hinge_rate: [rad/s].
-        torque: of the hinges [N m].
+    Attributes and methods are those of `TaskState`.
     """
 
     xp: Any = jnp
 
-    def __init__(
-        self,
-        course: Course,
-        episode: Episode,
-        position: Float[jax.Array, "N n 3"],
-        rotation: Float[jax.Array, "N n 9"],
-        qvel: Float[jax.Array, "N nv"],
-        hinge_rate: Float[jax.Array, "N h"],
-        torque: Float[jax.Array, "N h"],
-    ) -> None:
-        self._course, route = course, course.scene.route
-        self.position, self.rotation, self.qvel = position, rotation, qvel
-        self.hinge_rate, self.torque, self.up = hinge_rate, torque, rotation[:, :, 8]
-        self.num, self.dt, self.criteria = course.num, course.dt, course.criteria
+    def __init__(self, world: World, num: int) -> None:
+        """Begin with what no episode changes."""
+        self._scene, self._ground, self._goal = world.scene, DeviceGround(world.scene), world.task.goal
+        self._dofs, self._servos = world.hinge_dof, world.hinge_servos
+        self.num, self.dt, self.scenes = num, world.config.dt, [world.scene] * num
+        self.criteria = SuccessCriteria.of(world.organism.scout)
+        self.arena, self.organism, self.route = world.arena, world.organism, world.route
+        limits = self.route.finish, self.route.half_width, self.route.lowest
+        self.finish, self.half_width, self.deepest = (np.full(num, each, dtype=np.float32) for each in limits)
+
+    def look(self, episode: Episode, physics: Any) -> DeviceState:
+        """Return the state of episodes after a tick of the physics, with the action of this tick."""
+        state = copy(self)
+        state._measure(episode, physics)
+        return state
+
+    def _measure(self, episode: Episode, physics: Any) -> None:
+        self.position, self.rotation, self.qvel = physics.position, physics.rotation, physics.qvel
+        self.hinge_rate, self.up = self.qvel[:, self._dofs], self.rotation[:, :, 8]
+        self.torque = physics.actuator_force[:, self._servos]
         self.action, self.track_speed = episode.action, episode.track_speed
         self.start_position, self.start_mean = episode.start_position, episode.start_mean
         self.start_progress, self.start_way = episode.start_progress, episode.start_way
-        self.was_ahead = episode.was_ahead
         self.previous_progress, self.tick = episode.progress, episode.tick + 1.0
+        self.time, self.middle = self.tick * self.dt, self.position.mean(axis=1)
         self.memory = dict(episode.memory)
-        self.scenes = [course.scene] * course.num
-        self.finish, self.half_width, self.deepest = (
-            jnp.full(course.num, value, dtype=position.dtype)
-            for value in (route.finish, route.half_width, route.lowest)
-        )
-        self.success = self.failed = jnp.zeros(course.num, dtype=bool)
-        self._measure()
-
-    def _measure(self) -> None:
+        self.success = self.failed = jnp.zeros(self.num, dtype=bool)
         self.is_sound = (jnp.abs(self.qvel) < self.criteria.max_rate).all(axis=1)
         x, y, z = (self.position[:, :, i] for i in range(3))
-        (c, s), lateral = self._course.scene.route.direction, self._course.scene.route.lateral
-        is_along_x = self._course.scene.is_along_x
+        (c, s), is_along_x = self.route.direction, self._scene.is_along_x
         self.along = x if is_along_x else c * x + s * y
-        self.left = y if is_along_x else c * y - s * x - lateral
+        self.left = y if is_along_x else c * y - s * x - self.route.lateral
         self.local = jnp.stack([self.along, self.left, z], axis=2)
-        self.rear, self.lowest = self._find_least(self.along), self._find_least(z)
-        self.least_left, self.least_right = self._find_least(self.left), self._find_least(-self.left)
-        self.least_up = self._find_least(self.up)
+        self.rear, self.lowest, self.least_up, self.least_left, self.least_right = (
+            self._trust(each.min(axis=1)) for each in (self.along, z, self.up, self.left, -self.left)
+        )
         self.power = self._trust(jnp.abs(self.torque * self.hinge_rate).sum(axis=1))
         self.mean_to_finish = jnp.minimum(self.along, self.finish[:, None]).mean(axis=1)
-        progress = self._course.goal.progress(self)
-        if getattr(self._course.goal, "is_straight", False):
+        progress = self._goal.progress(self)  # pyright: ignore[reportArgumentType]
+        if getattr(self._goal, "is_straight", False):
             self.way = self._trust(progress)
         else:
             x, y = (self.middle - self.start_position.mean(axis=1))[:, :2].T
             self.way = self._trust(jnp.hypot(x, y))
         self.progress = self._trust(progress, self.previous_progress)
-        self._note_lead()
+        lead = self.way - self.compute_pace()
+        self.was_ahead = episode.was_ahead | (
+            lead > self.criteria.fall_lead * (z.max(axis=1) - z.mean(axis=1))
+        )
 
-    def _trust(self, value: jax.Array, other: Any = 0.0) -> jax.Array:
-        """Return a value where the simulation is numerically stable."""
-        return jnp.where(self.is_sound, value, other)
-
-    def _find_least(self, values: Float[jax.Array, "N n"]) -> Float[jax.Array, " N"]:
-        return self._trust(values.min(axis=1))
-
-    def _note_lead(self) -> None:
-        """Remember the bodies that are farther ahead of their tracks than a fall explains."""
-        height = self.position[:, :, 2]
-        hang = height.max(axis=1) - height.mean(axis=1)
-        self.was_ahead |= self.way > self.compute_pace() + self.criteria.fall_lead * hang
-
-    def compute_pace(self) -> Float[jax.Array, " N"]:
+    def compute_pace(self) -> Any:
         """Return how far each body can have come by its tracks, with the slack that the criteria leave [m]."""
         return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
 
-    def remember(self, name: str, initial: Any) -> jax.Array:
+    def compute_mean_along(self) -> Any:
+        """Return the mean position of the modules along the way [m]."""
+        return self.along.mean(axis=1)
+
+    def _trust(self, value: Any, other: Any = 0.0) -> Any:
+        """Return a value where the simulation is numerically stable."""
+        return jnp.where(self.is_sound, value, other)
+
+    def remember(self, name: str, initial: Any) -> Any:
         """Return what a term remembers; it was begun on the host, with the episode."""
         del initial
         if name not in self.memory:
             raise TaskError(f"a term remembers {name!r} in some ticks alone; call remember() in every tick")
         return self.memory[name]
 
-    def keep(self, name: str, values: jax.Array, where: Bool[jax.Array, " N"]) -> None:
+    def keep(self, name: str, values: Any, where: Bool[Any, " N"]) -> None:
         """Change what a term remembers in some simulations."""
-        before = self.memory[name]
-        mask = where.reshape(where.shape + (1,) * (before.ndim - 1))
-        self.memory[name] = jnp.where(mask, values, before).astype(before.dtype)
+        before: Any = self.memory[name]
+        self.memory[name] = select(where, values, before).astype(before.dtype)
 
-    def group(self, mask: Bool[jax.Array, " N"]) -> Iterator[tuple[Scene, Int[jax.Array, " N"]]]:
+    def group(self, mask: Bool[Any, " N"]) -> Iterator[tuple[Scene, Int[Any, " N"]]]:
         """Yield the scene of all simulations, with all of them."""
         del mask
-        yield self._course.scene, jnp.arange(self.num)
+        yield self._scene, jnp.arange(self.num)
 
-    def write(self, name: str, place: Any, values: Any, where: Bool[jax.Array, " N"]) -> None:
+    def write(self, name: str, place: Any, values: Any, where: Bool[Any, " N"]) -> None:
         """Change entries of what a term remembers, in the simulations where `where` holds."""
-        before, rows = self.memory[name], place[0] if isinstance(place, tuple) else place
+        before: Any = self.memory[name]
+        rows = place[0] if isinstance(place, tuple) else place
         after = jnp.where(where[rows], values, before[place]).astype(before.dtype)
         self.memory[name] = before.at[place].set(after, unique_indices=True)
 
-    def may_hold(self, mask: Bool[jax.Array, " N"]) -> bool:
+    def may_hold(self, mask: Bool[Any, " N"]) -> bool:
         """Return True: looking would wait for the device."""
         del mask
         return True
 
-    def confirm(
-        self,
-        mask: Bool[jax.Array, " M"],
-        find: Callable[[Int[jax.Array, " M"]], Bool[jax.Array, " M"]],
-    ) -> Bool[jax.Array, " M"]:
+    def confirm(self, mask: Any, find: Callable[[Any], Any]) -> Any:
         """Return where something is so and something else as well, which is computed for all or for none."""
         rows = jnp.arange(len(mask))
         return jax.lax.cond(mask.any(), lambda: mask & find(rows), lambda: mask)
 
-    def compute_height(self, rows: Int[jax.Array, " M"]) -> Float[jax.Array, "M n"]:
+    def compute_height(self, rows: Int[Any, " M"]) -> Any:
         """Return the height of the modules above the ground in some simulations [m]; NaN where there is none."""
         places = self.position[rows]
         x, y, z = places.reshape(-1, 3).T
-        return (z - self._course.ground.find_ground(x, y, z)).reshape(places.shape[:2])
-
-    def compute_mean_along(self) -> Float[jax.Array, " N"]:
-        """Return the mean position of the modules along the way [m]."""
-        return self.along.mean(axis=1)
+        return (z - self._ground.find_ground(x, y, z)).reshape(places.shape[:2])
 
     @property
-    def time(self) -> Float[jax.Array, " N"]:
-        """Time since the start [s]."""
-        return self.tick * self.dt
-
-    @property
-    def height(self) -> Float[jax.Array, "N n"]:
+    def height(self) -> Any:
         """Height of each module's center above the ground [m]; NaN where there is none."""
         return self.compute_height(jnp.arange(self.num))
 
     @property
-    def middle(self) -> Float[jax.Array, "N 3"]:
-        """Mean position of the modules [m]."""
-        return self.position.mean(axis=1)
-
-    @property
-    def target(self) -> Float[Any, "N 2"]:
+    def target(self) -> Any:
         """Place (x, y) that each body should head for [m]."""
-        find = getattr(self._course.goal, "find_target", None)
+        find = getattr(self._goal, "find_target", None)
         if find is not None:
             return find(self)
-        route = self._course.scene.route
-        (c, s), far = route.direction, route.finish
-        place = c * far - s * route.lateral, s * far + c * route.lateral
-        return np.tile(np.asarray(place, dtype=np.float32), (self.num, 1))
+        place = self.route.place(self.route.finish)
+        return jnp.tile(jnp.asarray(place, dtype=jnp.float32), (self.num, 1))
 
-    @property
-    def organism(self) -> Any:
-        """Organism of all simulations."""
-        return self._course.scene.organism
+
+def select(mask: Bool[Any, " N"], one: Any, other: Any) -> Any:
+    """Return the rows of trees of arrays where a mask holds, and those of others elsewhere."""
+
+    def choose(first: Any, second: Any) -> Any:
+        return jnp.where(mask.reshape(mask.shape + (1,) * (second.ndim - 1)), first, second)
+
+    return jax.tree.map(choose, one, other)
