@@ -222,26 +222,3 @@ def find_insufficient(run: ev.Run) -> ev.Champion:
         return dataclasses.replace(run.champion, genotype=(0.0,) * len(run.champion.genotype))
     genotype = failed[len(failed) // 2].genotype
     return dataclasses.replace(run.champion, genotype=tuple(map(float, genotype)))
-
-
-def find_run_champion(
-    folder: Path, arena: str, modules: int, seed: int, generations: int, workers: int, progress: rc.Progress
-) -> ev.Champion:
-    """Return the champion of a run of evolution; an unfinished run goes on."""
-    if RunFolder(folder).has_run():
-        run = ev.resume(str(folder), progress=progress, workers=workers)
-    else:
-        run = ev.evolve(
-            ev.EvolutionConfig(
-                arena=arena,
-                modules=modules,
-                seed=seed,
-                generations=generations,
-                workers=workers,
-                folder=str(folder),
-            ),
-            progress=progress,
-        )
-    if run.champion is None:
-        raise ev.RunError(f"no champion after {generations} generations; allow more, in another folder")
-    return run.champion

@@ -9,8 +9,7 @@ import pytest
 from symbrion_gym import swarm_v0
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import Docking
-from symbrion_gym._src.swarm.environment import SwarmEnv
-from symbrion_gym._src.swarm.options import FIDELITIES
+from symbrion_gym._src.swarm.environment import LEVELS, SwarmEnv
 
 pytest.importorskip("pettingzoo", reason="the extra `swarm` is not installed")
 
@@ -20,7 +19,7 @@ def env() -> SwarmEnv:
     return swarm_v0.parallel_env(arena="truth", num_robots=3, duration=2.0)
 
 
-@pytest.mark.parametrize("fidelity", FIDELITIES)
+@pytest.mark.parametrize("fidelity", LEVELS)
 def test_passes_the_tests_of_pettingzoo(fidelity: str) -> None:
     from pettingzoo.test import parallel_api_test
     from pettingzoo.test.seed_test import parallel_seed_test
@@ -34,9 +33,10 @@ def test_passes_the_tests_of_pettingzoo(fidelity: str) -> None:
         parallel_seed_test(make, num_cycles=15)
 
 
-@pytest.mark.parametrize("fidelity", FIDELITIES)
+@pytest.mark.parametrize("fidelity", LEVELS)
 def test_robots_dock_drive_and_part_at_every_fidelity(fidelity: str) -> None:
     env = swarm_v0.parallel_env(arena="truth", num_robots=3, fidelity=fidelity)
+    assert type(env.world) is LEVELS[fidelity]
     env.reset(seed=0)
     pitch = env.world.scout.pitch
     env.world.reset(np.array([[-2.2, 0.0, 0.0], [-2.206 - pitch, 0.0, 0.0], [-2.8, 0.5, 0.0]]))
@@ -51,15 +51,6 @@ def test_robots_dock_drive_and_part_at_every_fidelity(fidelity: str) -> None:
     np.testing.assert_allclose(way, [0.06, 0.06, 0.0], atol=0.012)
     *_, info = env.step({})
     assert [info[agent]["organism"] for agent in env.agents] == [0, 1, 2]
-
-
-def test_levels_of_physics_are_those_of_the_option() -> None:
-    names = {
-        fidelity: type(swarm_v0.parallel_env(arena="truth", num_robots=1, fidelity=fidelity).world).__name__
-        for fidelity in FIDELITIES
-    }
-    assert names == {"kinematic": "KinematicWorld", "dynamic": "DynamicWorld"}
-    assert type(swarm_v0.parallel_env(arena="truth", num_robots=1).world).__name__ == "KinematicWorld"
 
 
 def test_images_show_the_robots_where_they_are() -> None:
