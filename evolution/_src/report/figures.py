@@ -86,7 +86,7 @@ def draw_cloud(
 ) -> Figure:
     """Draw a point cloud, colored by height, or in its own colors."""
     if bounds is not None:
-        inside = ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
+        inside = _find_inside(points, bounds)
         points, colors = points[inside], None if colors is None else colors[inside]
     step = max(1, len(points) // limit)
     shown = points[::step]
@@ -98,7 +98,7 @@ def draw_cloud(
         look = {"c": colors[::step] / WHITE}
     axes.scatter(*shown.T, **look, s=0.9, depthshade=False, linewidths=0, rasterized=True)
     if marked is not None:
-        seen = marked if bounds is None else _crop(marked, bounds)
+        seen = marked if bounds is None else marked[_find_inside(marked, bounds)]
         seen = seen[:: max(1, len(seen) // limit)]
         axes.scatter(*seen.T, c=MARK_COLOR, s=2.2, depthshade=False, linewidths=0, rasterized=True)
     return figure
@@ -154,23 +154,14 @@ def draw_section(
     """Draw a vertical section along the course: every surface as a line, the points near it as dots."""
     figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
-    if points is not None:
-        near = points[np.abs(points[:, 1] - y) < SECTION_HALF_WIDTH]
-        axes.scatter(
-            near[:, 0], near[:, 2], s=4, c="#6b7683", linewidths=0, label="points", rasterized=True, zorder=3
-        )
-    if marked is not None:
-        near = marked[np.abs(marked[:, 1] - y) < SECTION_HALF_WIDTH]
-        axes.scatter(
-            near[:, 0],
-            near[:, 2],
-            s=7,
-            c=MARK_COLOR,
-            linewidths=0,
-            label="mixed pixels",
-            rasterized=True,
-            zorder=4,
-        )
+    for cloud, size, color, label in (
+        (points, 4, "#6b7683", "points"),
+        (marked, 7, MARK_COLOR, "mixed pixels"),
+    ):
+        if cloud is not None:
+            near = cloud[np.abs(cloud[:, 1] - y) < SECTION_HALF_WIDTH]
+            look = {"s": size, "c": color, "linewidths": 0, "rasterized": True, "zorder": 3}
+            axes.scatter(near[:, 0], near[:, 2], label=label, **look)
     for index, (label, group) in enumerate(meshes.items()):
         parts = [group] if isinstance(group, trimesh.Trimesh) else list(group)
         cuts = [_cut(part, y) for part in parts]
@@ -179,12 +170,10 @@ def draw_section(
         width = max(0.9, 2.4 - 0.75 * index)  # lines drawn later do not hide the earlier ones
         axes.add_collection(LineCollection(list(lines), colors=color, linewidths=width, label=label))
     axes.set(xlim=x_limits, xlabel="x [m]", ylabel="z [m]", aspect="equal")
-    ground = [group for group in meshes.values() if isinstance(group, trimesh.Trimesh)]
-    heights = np.concatenate([mesh.vertices[:, 2] for mesh in ground]) if ground else np.zeros(0)
-    if len(heights):
+    ground = [group.vertices[:, 2] for group in meshes.values() if isinstance(group, trimesh.Trimesh)]
+    if ground:
+        heights = np.concatenate(ground)
         axes.set_ylim(heights.min() - 0.1, heights.max() + 0.15)
-    else:
-        axes.autoscale(axis="y")
     axes.legend(frameon=False, fontsize=9, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     style_axes(axes)
     return figure
@@ -233,8 +222,10 @@ def _make_3d_axes(figure: Figure, points: Float[np.ndarray, "N 3"]) -> Axes:
     return axes
 
 
-def _crop(points: Float[np.ndarray, "N 3"], bounds: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "M 3"]:
-    return points[((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)]
+def _find_inside(
+    points: Float[np.ndarray, "N 3"], bounds: Float[np.ndarray, "2 3"]
+) -> Bool[np.ndarray, " N"]:
+    return ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
 
 
 def _cut(mesh: trimesh.Trimesh, y: float) -> Float[np.ndarray, "S 2 2"]:

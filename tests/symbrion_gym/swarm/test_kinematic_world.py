@@ -166,13 +166,6 @@ def test_of_two_robots_that_dock_the_one_that_stands_keeps_its_pose(drives):
     assert choose_roots(np.array([0, 0, 2]), np.arange(3), speed).tolist() == [1 - drives, 1 - drives, 2]
 
 
-def test_a_group_turns_more_slowly_than_one_robot():
-    world = dock_front_to_back()
-    run(world, 12, [0.0, 0.0], latch=True)
-    state = run(world, 1, [-0.05, 0.05], latch=True)
-    assert 0.0 < state.rotation[0, 1, 0] < 0.05
-
-
 def test_a_member_that_cannot_move_holds_its_group():
     world = make_world([[0.0, 0.0, 0.0], [-SCOUT.pitch, 0.0, 0.0]], make_floor(make_sheet(0.07)))
     state = run(world, 30, [0.1, 0.1], latch=True)
