@@ -155,7 +155,9 @@ def claim_folder(folder: Path, options: Result) -> None:
     except JsonError as error:
         raise RunError(f"{path}: {error}; name another folder, or remove this one") from error
     if found != options:
-        raise RunError(f"{path} describes other options than {options}; name another folder, or remove this one")
+        raise RunError(
+            f"{path} describes other options than {options}; name another folder, or remove this one"
+        )
 
 
 @contextmanager

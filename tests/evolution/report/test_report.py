@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 import imageio.v2 as imageio
 import numpy as np
 import pytest
-import trimesh
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -54,17 +53,6 @@ def test_a_sharp_picture_is_not_shown_larger() -> None:
     pixels = np.zeros((40, 300, 3), np.uint8)
     assert compute_width(encode_png(pixels)) == 300
     assert compute_width(encode_png(pixels, 2 * DPI)) == 150
-
-
-def test_large_triangles_are_hidden_by_what_is_before_them() -> None:
-    low = trimesh.creation.box((4, 2, 0.1))
-    wall = trimesh.creation.box((4, 0.1, 1.0)).apply_translation([0, -1, 0.5])
-    pictures = []
-    for parts in ([low, wall], [wall, low]):
-        together = trimesh.util.concatenate(parts)
-        assert isinstance(together, trimesh.Trimesh)
-        pictures.append(open_picture(report.draw_surface(together)).astype(int))
-    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 60).mean() < 0.01
 
 
 def test_a_film_holds_its_frames(tmp_path: Path) -> None:
