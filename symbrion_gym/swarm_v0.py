@@ -15,7 +15,7 @@ def parallel_env(render_mode: str | None = None, **options: Any) -> SwarmEnv:
 
     Args:
         render_mode: "rgb_array" for images by `render()`, or None.
-        options: of the environment, such as `arena="gsrm"`, `num_robots=8` and `fidelity="mixed"`.
+        options: of the environment, such as `arena="gsrm"`, `num_robots=8` and `fidelity="dynamic"`.
 
     Raises:
         MissingExtraError: pettingzoo is not installed.

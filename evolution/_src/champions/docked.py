@@ -29,7 +29,7 @@ class DockedChampion:
     Args:
         champion: whose body is the organism of the robots.
         world: where they are.
-        modules: robots in the order of the modules of the body, as `find_modules` returns them.
+        modules: robots in the order of the modules of the body.
         start: position of the head by its tracks, as the environment of the champion defines it [m].
 
     Attributes:
@@ -62,7 +62,7 @@ class DockedChampion:
 
     def command(self, commands: SwarmCommands) -> SwarmCommands:
         """Return commands in which the robots of the organism do what the champion does now; others keep theirs."""
-        from symbrion_gym._src.swarm.senses import is_organism, read_organism
+        from symbrion_gym._src.swarm.dynamic.world import is_organism, read_organism
 
         hinge, tracks, latch = commands.hinge.copy(), commands.tracks.copy(), self._hold(commands.latch)
         if not is_organism(self._world, self._modules):

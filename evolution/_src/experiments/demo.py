@@ -5,13 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Protocol
-
-import numpy as np
-from jaxtyping import Float, UInt8
 
 import evolution as ev
 import reconstruction as rc
@@ -57,20 +54,21 @@ class Step(Protocol):
 Track = Callable[[str], AbstractContextManager[Step]]  # Starts a step with the given title
 
 
+MODULES = 8  # Of the snake
+UNITS = {"gsrm": 2200, "gg": 7000}
+"""Units of each network: 2200 as in the paper, and as many as give about 14,000 triangles, as there."""
+GENERATIONS = 30  # Limit of the evolution, which stops earlier when a champion is confirmed
+TRIALS = 20
+"""Randomized trials in which the champion is judged in each arena; 18 of 20 are the success threshold."""
+
+
 @dataclasses.dataclass(frozen=True)
 class DemoConfig:
     """What the demo builds."""
 
     folder: Path  # the folder of all files
     seed: int = 0  # seed of all random numbers
-    modules: int = 8  # number of modules in the snake
-    # units of the GSRM, whose surface becomes the arena of the evolution; 2200 as in the paper
-    gsrm_units: int = 2200
-    gg_units: int = 7000  # units of the growing grid; 7000 give about 14,000 triangles, as in the paper
-    generations: int = 30  # limit of the evolution, which stops earlier when a champion is confirmed
     workers: int = os.cpu_count() or 1  # threads; the results do not depend on their number
-    # randomized trials in which the champion is judged in each arena; 18 of 20 are the success threshold
-    trials: int = 20
 
 
 @dataclasses.dataclass
@@ -79,8 +77,7 @@ class DemoResult:
 
     config: DemoConfig  # the configuration of the demo
     log: rc.ScanLog  # the scan log
-    raw_points: Float[np.ndarray, "N 3"]  # before pre-processing [m]
-    points: Float[np.ndarray, "M 3"]  # after pre-processing, thinned [m]
+    cloud: rc.Cloud  # points, in the colors that the camera saw, after pre-processing and thinned
     surfaces: dict[str, rc.Reconstruction]  # network -> reconstruction
     arenas: dict[str, sg.Arena]  # network -> arena
     run: ev.Run  # the evolution
@@ -89,8 +86,6 @@ class DemoResult:
     # in the true arena
     films: dict[str, ev.Recording]
     seconds: dict[str, float]  # step -> wall time [s]
-    # red, green and blue of `points` as the robot's camera saw them
-    colors: UInt8[np.ndarray, "M 3"] | None = None
 
     @property
     def crosses(self) -> dict[str, bool]:
@@ -101,52 +96,39 @@ class DemoResult:
 def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
     """Run all steps from the survey to the video of the champion."""
     seconds: dict[str, float] = {}
+
+    @contextmanager
+    def timed(number: int, name: str) -> Iterator[Step]:
+        with track(f"{number}/7 {name}") as step:
+            yield step
+        seconds[name] = step.seconds
+
     claim_folder(config)
-    with track("1/7 survey of the true arena") as step:
+    with timed(1, "survey of the true arena") as step:
         log = sg.survey(paint_truth(), seed=config.seed, progress=step.progress, camera=True)
         log.save(config.folder / "survey.npz")
-    seconds["survey"] = step.seconds
-    with track("2/7 pre-processing") as step:
-        points = rc.thin(rc.preprocess(log), SPACING)
-        rc.save_points(config.folder / "cloud.ply", points)
-    seconds["pre-processing"] = step.seconds
-
+    with timed(2, "pre-processing"):
+        cloud = rc.thin(rc.preprocess(log), SPACING)
+        assert isinstance(cloud, rc.Cloud)
+        rc.save_points(config.folder / "cloud.ply", cloud)
     surfaces: dict[str, rc.Reconstruction] = {}
-    for method, units in (("gsrm", config.gsrm_units), ("gg", config.gg_units)):
-        with track(f"3/7 network {method}, {units} units") as step:
+    for method, units in UNITS.items():
+        with timed(3, f"network {method}") as step:
             surfaces[method] = rc.reconstruct(
-                points, method=method, units=units, seed=config.seed, progress=step.progress
+                cloud, method=method, units=units, seed=config.seed, progress=step.progress
             )
             surfaces[method].save(config.folder / f"{method}.npz")
-        seconds[f"network {method}"] = step.seconds
-
     arenas: dict[str, sg.Arena] = {}
     for method, surface in surfaces.items():
-        with track(f"4/7 arena from {method}") as step:
+        with timed(4, f"arena {method}") as step:
             made = sg.make_arena(surface.mesh, name=method, seed=config.seed, progress=step.progress)
             arenas[method] = sg.color_arena(made, surface.cloud)
             arenas[method].save(config.folder / "arenas" / method)
-        seconds[f"arena {method}"] = step.seconds
-
-    with track(f"5/7 evolution of {config.modules} modules in the GSRM arena") as step:
+    with timed(5, "evolution") as step:
         run = _evolve(config, step.progress)
-    seconds["evolution"] = step.seconds
-    with track("6/7 trials and video of the champion") as step:
+    with timed(6, "trials and video") as step:
         outcomes, films = _judge(config, run, arenas["gsrm"], step.progress)
-    seconds["trials and video"] = step.seconds
-    return DemoResult(
-        config,
-        log,
-        log.points(),
-        points.points,
-        surfaces,
-        arenas,
-        run,
-        outcomes,
-        films,
-        seconds,
-        points.colors,
-    )
+    return DemoResult(config, log, cloud, surfaces, arenas, run, outcomes, films, seconds)
 
 
 def paint_truth() -> sg.Arena:
@@ -156,23 +138,17 @@ def paint_truth() -> sg.Arena:
 
 def claim_folder(config: DemoConfig) -> None:
     """Write `demo.json`, which allows a later demo to replace the files of this one."""
-    _refuse_foreign_marker(config.folder / MARKER)
+    marker, content = config.folder / MARKER, dataclasses.asdict(config) | {"folder": "."}
+    try:
+        known = read_json(marker) if marker.exists() else content
+    except JsonError:
+        known = None
+    if not isinstance(known, dict) or set(known) != set(content):
+        raise ev.RunError(f"{marker} was not written by a demo; name another folder, or move it")
     refuse_foreign_files(config.folder, MARKER, OUTPUTS)
     config.folder.mkdir(parents=True, exist_ok=True)
-    with write_atomically(config.folder / MARKER) as beside:
-        beside.write_text(json.dumps(dataclasses.asdict(config) | {"folder": "."}, indent=2) + "\n")
-
-
-def _refuse_foreign_marker(path: Path) -> None:
-    """Refuse a file of the marker's name that does not contain the fields of a `DemoConfig`."""
-    try:
-        content = read_json(path) if path.exists() else None
-    except JsonError:
-        content = ()
-    names = {field.name for field in dataclasses.fields(DemoConfig)}
-    is_demo = isinstance(content, dict) and set(content) == names
-    if content is not None and not is_demo:
-        raise ev.RunError(f"{path} was not written by a demo; name another folder, or move it")
+    with write_atomically(marker) as beside:
+        beside.write_text(json.dumps(content, indent=2) + "\n")
 
 
 def _evolve(config: DemoConfig, progress: rc.Progress) -> ev.Run:
@@ -184,9 +160,9 @@ def _evolve(config: DemoConfig, progress: rc.Progress) -> ev.Run:
     return ev.evolve(
         ev.EvolutionConfig(
             arena=str(config.folder / "arenas" / "gsrm"),
-            modules=config.modules,
+            modules=MODULES,
             seed=config.seed,
-            generations=config.generations,
+            generations=GENERATIONS,
             workers=config.workers,
             folder=str(folder),
         ),
@@ -204,7 +180,7 @@ def _judge(
     judged_in = {"gsrm": arena, "truth": paint_truth()}
     for index, (name, place) in enumerate(judged_in.items()):
         progress(f"trials in {name}", index / (len(judged_in) + 1))
-        outcomes[name] = ev.judge(run.champion, place, config.trials, config.seed, workers=config.workers)
+        outcomes[name] = ev.judge(run.champion, place, TRIALS, config.seed, workers=config.workers)
         films[name] = ev.play(run.champion, place, config.seed, film=name == "truth")
     progress("an insufficiently evolved robot", len(judged_in) / (len(judged_in) + 1))
     films["insufficient"] = ev.play(find_insufficient(run), judged_in["truth"], config.seed, film=True)
@@ -222,26 +198,3 @@ def find_insufficient(run: ev.Run) -> ev.Champion:
         return dataclasses.replace(run.champion, genotype=(0.0,) * len(run.champion.genotype))
     genotype = failed[len(failed) // 2].genotype
     return dataclasses.replace(run.champion, genotype=tuple(map(float, genotype)))
-
-
-def find_run_champion(
-    folder: Path, arena: str, modules: int, seed: int, generations: int, workers: int, progress: rc.Progress
-) -> ev.Champion:
-    """Return the champion of a run of evolution; an unfinished run goes on."""
-    if RunFolder(folder).has_run():
-        run = ev.resume(str(folder), progress=progress, workers=workers)
-    else:
-        run = ev.evolve(
-            ev.EvolutionConfig(
-                arena=arena,
-                modules=modules,
-                seed=seed,
-                generations=generations,
-                workers=workers,
-                folder=str(folder),
-            ),
-            progress=progress,
-        )
-    if run.champion is None:
-        raise ev.RunError(f"no champion after {generations} generations; allow more, in another folder")
-    return run.champion

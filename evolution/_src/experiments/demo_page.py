@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import symbrion_gym as sg
-from evolution._src.experiments.demo import paint_truth
+from evolution._src.experiments.demo import MODULES, paint_truth
 from evolution._src.report.arena_view import draw_arena
 from evolution._src.report.body_page import describe_machine, describe_selection
 from evolution._src.report.error_map import draw_error_map
@@ -50,7 +50,10 @@ def write_demo_page(result: "DemoResult", path: Path) -> None:
     add_surfaces(page, result)
     add_arenas(page, result)
     add_evolution(page, result)
-    _add_times(page, result)
+    page.add_section("Time per step")
+    rows = [[name, f"{seconds:.1f}"] for name, seconds in result.seconds.items()]
+    total = ["total", f"{sum(result.seconds.values()):.1f}"]
+    page.add_table(["step", "wall time [s]"], [*rows, total], "Wall time of each step.")
     page.write(path)
 
 
@@ -77,15 +80,15 @@ def add_films(page: Page, result: "DemoResult") -> None:
 
 def add_scan(page: Page, result: "DemoResult") -> None:
     """Show the point cloud before and after pre-processing."""
-    scans, beams = result.log.ranges.shape
+    (scans, beams), raw, cloud = result.log.ranges.shape, result.log.points(), result.cloud
     page.add_section(
         "Scan",
-        f"{scans:,} vertical scans of {beams} beams; {len(result.raw_points):,} readings, of which "
-        f"{len(result.points):,} remain after leveling, smoothing, removal of mixed pixels and thinning.",
+        f"{scans:,} vertical scans of {beams} beams; {len(raw):,} readings, of which {len(cloud.points):,} remain "
+        "after leveling, smoothing, removal of mixed pixels and thinning.",
     )
-    page.add_figure(draw_cloud(result.raw_points), "Raw readings, colored by height.")
+    page.add_figure(draw_cloud(raw), "Raw readings, colored by height.")
     page.add_figure(
-        draw_cloud(result.points, colors=result.colors),
+        draw_cloud(cloud.points, colors=cloud.colors),
         "The readings after pre-processing, thinned to 15 mm, in the colors that the robot's camera saw.",
     )
 
@@ -98,23 +101,19 @@ def add_surfaces(page: Page, result: "DemoResult") -> None:
     rows = []
     for method, surface in result.surfaces.items():
         quality = surface.quality(truth)
-        assert quality.truth_to_mesh is not None
-        assert quality.mesh_to_truth is not None
-        rows.append(
-            [
-                NAMES[method],
-                f"{len(surface.mesh.faces):,}",
-                f"{result.seconds[f'network {method}']:.1f}",
-                f"{quality.truth_to_mesh.mean * MILLIMETERS:.2f}",
-                f"{quality.truth_to_mesh.p95 * MILLIMETERS:.2f}",
-                f"{quality.mesh_to_truth.mean * MILLIMETERS:.2f}",
-                quality.topology.boundary_loops,
-                quality.topology.non_manifold_edges,
-                quality.self_intersections,
-                quality.folds,
-                f"{surface.color_error(truth_colors).rmse:.3f}",
-            ]
+        topology, there, back = quality.topology, quality.truth_to_mesh, quality.mesh_to_truth
+        assert there is not None
+        assert back is not None
+        seconds, colors = result.seconds[f"network {method}"], surface.color_error(truth_colors).rmse
+        distances = (f"{MILLIMETERS * each:.2f}" for each in (there.mean, there.p95, back.mean))
+        counts = (
+            topology.boundary_loops,
+            topology.non_manifold_edges,
+            quality.self_intersections,
+            quality.folds,
         )
+        size = f"{len(surface.mesh.faces):,}"
+        rows.append([NAMES[method], size, f"{seconds:.1f}", *distances, *counts, f"{colors:.3f}"])
         page.add_figure(
             draw_surface(surface.mesh), f"{NAMES[method]}, {len(surface.mesh.faces):,} triangles."
         )
@@ -147,15 +146,9 @@ def add_arenas(page: Page, result: "DemoResult") -> None:
             to_png(draw_error_map(arena), is_reduced=False),
             f"{NAMES[method]}: where the contact geometry lies in front of the surface (red) or behind it (blue).",
         )
-        rows.append(
-            [
-                NAMES[method],
-                len(arena.pieces),
-                f"{result.seconds[f'arena {method}']:.1f}",
-                f"{arena.quality.mean * MILLIMETERS:.2f}",
-                f"{arena.quality.p95 * MILLIMETERS:.2f}",
-            ]
-        )
+        distances = (f"{MILLIMETERS * each:.2f}" for each in (arena.quality.mean, arena.quality.p95))
+        seconds = result.seconds[f"arena {method}"]
+        rows.append([NAMES[method], len(arena.pieces), f"{seconds:.1f}", *distances])
     page.add_table(
         ["arena from", "convex pieces", "building time [s]", "pieces to surface, mean [mm]",
          "pieces to surface, 95th percentile [mm]"],
@@ -164,7 +157,7 @@ def add_arenas(page: Page, result: "DemoResult") -> None:
     )  # fmt: skip
     section = {"truth": sg.load_arena("truth").surface, "GSRM": result.surfaces["gsrm"].mesh}
     page.add_figure(
-        draw_section(section | {"pieces": result.arenas["gsrm"].pieces}, result.points),
+        draw_section(section | {"pieces": result.arenas["gsrm"].pieces}, result.cloud.points),
         "Vertical section through the pit along the course: true surface, reconstructed surface, convex pieces, and "
         "nearby readings.",
     )
@@ -176,7 +169,7 @@ def add_evolution(page: Page, result: "DemoResult") -> None:
     assert champion is not None
     page.add_section(
         "Evolution",
-        f"CMA-ES with {result.config.modules} modules in the GSRM arena: {int(history[-1]['evaluations'])} genotypes "
+        f"CMA-ES with {MODULES} modules in the GSRM arena: {int(history[-1]['evaluations'])} genotypes "
         f"in {len(history)} generations and {result.seconds['evolution']:.0f} s. "
         f"{describe_selection(champion.successes, champion.trials)}",
     )
@@ -188,14 +181,4 @@ def add_evolution(page: Page, result: "DemoResult") -> None:
         ["gene", "value"],
         [[name, f"{value:.3f}"] for name, value in zip(champion.names, champion.genotype, strict=True)],
         f"Genotype of the champion; controller: {champion.controller}.",
-    )
-
-
-def _add_times(page: Page, result: "DemoResult") -> None:
-    page.add_section("Time per step")
-    rows = [[name, f"{seconds:.1f}"] for name, seconds in result.seconds.items()]
-    page.add_table(
-        ["step", "wall time [s]"],
-        [*rows, ["total", f"{sum(result.seconds.values()):.1f}"]],
-        "Wall time of each step.",
     )

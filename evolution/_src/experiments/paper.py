@@ -11,15 +11,13 @@ import datetime
 import importlib.util
 import json
 import logging
-import multiprocessing
 import os
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import filelock
 import gymnasium
@@ -39,7 +37,6 @@ from evolution._src.report.body_page import describe_machine
 from evolution._src.report.video import encode_video
 from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
-from reconstruction._src.base.cache import CACHE_VARIABLE
 from reconstruction._src.base.typed_json import JsonError, read_json
 from reconstruction._src.surfaces.quality import compute_distances
 from symbrion_gym._src.contact.quality import measure_arena
@@ -58,18 +55,13 @@ class PaperSizes:
     gsrm_units: tuple[int, ...] = (800, 2200, 5000)
     # sizes of the growing grid, Table I and Fig. 5; 13,860 is the paper's.
     gg_triangles: tuple[int, ...] = (210, 1500, 13860)
-    # also time the first call of each network, in a process without compiled programs
-    cold_starts: bool = True
     generations: int = 40  # limit of the evolution, which stops earlier when a champion is confirmed
     trials: int = 20  # randomized trials in which the champion is judged; 18 of 20 count as a success
     runs: int = 100  # crossings that are timed in each arena, Table II; 100 in the paper
     scans: int = 1000  # laser scans that are timed with each method, Table III
-    brute_scans: int = 20  # the same by brute force, which takes much longer
-    film_rate: int = 20  # frame rate of the videos [1/s]
 
 
-FULL = PaperSizes()
-QUICK = PaperSizes((800, 2200), (13860,), False, 5, 8, 3, 100, 3, 8)
+QUICK = PaperSizes((800, 2200), (13860,), 5, 8, 3, 100)
 """A reduced version, which takes three minutes on two cores."""
 ARENA_NETWORKS = {"gsrm": "gsrm_2200", "gg": "gg_13860"}
 """Arena -> the network whose surface it is made of, as in the paper."""
@@ -117,13 +109,14 @@ FIRST, LAST, HEIGHT, PITCH = -2.8, 2.0, 0.3, np.deg2rad(20.0)
 looks over the ramps; angle by which the middle beam looks down [rad]."""
 BLOCK = 20
 """Scans that one method takes before the next one follows: in a simulation, too, the arena is in the caches."""
+BRUTE_SCANS = 20  # Scans that are timed by brute force, which takes much longer
 PAIRS = 2_000_000
 """Pairs of ray and triangle that brute force tests at once; more would not fit into a processor's cache."""
 
 # Fig. 7.
 SHORT_MODULES = 4
 """Modules of a body that is too short to cross the pit with any controller: 0.5 m, and the pit is 0.45 m wide."""
-FILM_SPEED = 5.0  # Playback speed of the videos, relative to real time
+FILM_SPEED, FILM_RATE = 5.0, 20  # Playback speed of the videos, relative to real time, and frames a second
 NEAR_PIT = -0.35  # Position of the head shortly before the pit, whose edge is at -0.225 m [m]
 
 
@@ -131,25 +124,22 @@ def run_experiments(
     folder: Path, is_quick: bool, seed: int, track: Track, workers: int = os.cpu_count() or 1
 ) -> dict[str, Result]:
     """Run all experiments whose results do not exist yet."""
-    sizes = QUICK if is_quick else FULL
-    experiments: dict[str, tuple[str, Callable[[rc.Progress], Any]]] = {
-        "cloud": ("Fig. 3: survey and cloud", lambda progress: measure_cloud(folder, seed, progress)),
-        "networks": ("Table I: networks", lambda progress: measure_networks(folder, sizes, seed, progress)),
-        "arenas": ("arenas", lambda progress: build_arenas(folder, seed, progress)),
-        "evolution": (
-            "evolution in the GSRM arena",
-            lambda progress: evolve_champion(folder, sizes, seed, workers, progress),
-        ),
-        "physics": ("Table II: physics", lambda progress: measure_physics(folder, sizes, seed, progress)),
-        "laser": ("Table III: laser scan", lambda progress: measure_laser(folder, sizes, progress)),
-        "films": ("Fig. 7: videos", lambda progress: film_robots(folder, sizes, seed, progress)),
+    sizes = QUICK if is_quick else PaperSizes()
+    experiments: dict[str, tuple[str, Callable[..., Any]]] = {
+        "cloud": ("Fig. 3: survey and cloud", measure_cloud),
+        "networks": ("Table I: networks", measure_networks),
+        "arenas": ("arenas", build_arenas),
+        "evolution": ("evolution in the GSRM arena", partial(evolve_champion, workers=workers)),
+        "physics": ("Table II: physics", measure_physics),
+        "laser": ("Table III: laser scan", measure_laser),
+        "films": ("Fig. 7: videos", film_robots),
     }
     results = {}
     for index, (name, (title, work)) in enumerate(experiments.items()):
         path = folder / "experiments" / f"{name}.json"
         if not path.is_file():
             with track(f"{index + 1}/{len(experiments)} {title}") as step:
-                write_json(path, _time_work(work, step.progress))
+                write_json(path, _time_work(partial(work, folder, sizes, seed), step.progress))
         results[name] = read_result(path)
     return results
 
@@ -165,8 +155,9 @@ def claim_folder(folder: Path, options: Result) -> None:
     except JsonError as error:
         raise RunError(f"{path}: {error}; name another folder, or remove this one") from error
     if found != options:
-        text = f"{path} describes other options than {options}; name another folder, or remove this one"
-        raise RunError(text)
+        raise RunError(
+            f"{path} describes other options than {options}; name another folder, or remove this one"
+        )
 
 
 @contextmanager
@@ -213,7 +204,7 @@ def _time_work(work: Callable[[rc.Progress], Any], progress: rc.Progress) -> Res
     }
 
 
-def measure_cloud(folder: Path, seed: int, progress: rc.Progress = rc.silent) -> Result:
+def measure_cloud(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
     """Survey the true arena and measure the points after each step of preprocessing (Fig. 3)."""
     truth = sg.load_arena("truth").surface
     log = sg.survey("truth", seed=seed, progress=progress)
@@ -231,13 +222,13 @@ def measure_cloud(folder: Path, seed: int, progress: rc.Progress = rc.silent) ->
         "cropped to the arena": rc.preprocess(log),
         f"thinned to {1000 * SPACING:.0f} mm": points,
     }
+    assert log.truth is not None
+    assert log.box is not None
     steps = []
     for name, cloud in stages.items():
-        inside = cloud if log.box is None else rc.crop(cloud, log.box)
-        distances = compute_distances(inside, truth.vertices, truth.faces)
+        distances = compute_distances(rc.crop(cloud, log.box), truth.vertices, truth.faces)
         p95 = float(np.percentile(distances, 95))
         steps.append({"step": name, "readings": len(cloud), "mean": float(distances.mean()), "p95": p95})
-    assert log.truth is not None
     is_removed, is_mixed = leveled.is_valid & ~filtered.is_valid, log.truth.is_mixed & log.is_valid
     others = log.is_valid & ~is_mixed
     mixed = {
@@ -265,8 +256,7 @@ def measure_networks(
     folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent
 ) -> list[Result]:
     """Reconstruct the survey at every size (Table I)."""
-    truth, cloud = sg.load_arena("truth").surface, folder / CLOUD
-    points = rc.load_points(cloud)
+    truth, points = sg.load_arena("truth").surface, rc.load_points(folder / CLOUD)
     (folder / "surfaces").mkdir(exist_ok=True)
     jobs = [("gsrm", "units", size) for size in sizes.gsrm_units]
     jobs += [("gg", "triangles", size) for size in sizes.gg_triangles]
@@ -274,16 +264,17 @@ def measure_networks(
     for index, (method, unit, size) in enumerate(jobs):
         name, options = f"{method}_{size}", {"method": method, unit: size}
         progress(name, index / len(jobs))
-        cold, warm = (_time_afresh if sizes.cold_starts else _time_calls)(cloud, seed, options)
-        surface = rc.reconstruct(points, seed=seed, **options)
+        surface, seconds = rc.reconstruct(points, seed=seed, **options), []  # also compiles
+        for _ in range(3):
+            start = time.perf_counter()
+            rc.reconstruct(points, seed=seed, **options)
+            seconds.append(time.perf_counter() - start)
         surface.save(folder / "surfaces" / f"{name}.npz")
-        seconds = {"cold_seconds": cold if sizes.cold_starts else None, "warm_seconds": warm}
-        row = {"network": name, "method": method, "size": size, **seconds}
+        row = {"network": name, "method": method, "size": size, "seconds": float(np.median(seconds))}
         rows.append(row | _measure_surface(surface.mesh, truth))
     hand_made = sg.load_arena("simple").surface
     measured = _measure_surface(cut_sides(hand_made), truth) | {"triangles": len(hand_made.faces)}
-    row = {"network": "simple", "method": "hand", "size": None, "cold_seconds": None, "warm_seconds": None}
-    return [*rows, row | measured]
+    return [*rows, {"network": "simple", "method": "hand", "size": None, "seconds": None} | measured]
 
 
 def cut_sides(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -307,38 +298,14 @@ def _measure_surface(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> Result:
     }
 
 
-def _time_afresh(cloud: Path, seed: int, options: Result) -> tuple[float, float]:
-    """Return what `_time_calls` does, in a process without compiled programs."""
-    spawn = multiprocessing.get_context("spawn")
-    with (
-        tempfile.TemporaryDirectory() as cache,
-        ProcessPoolExecutor(1, spawn, initializer=_use_empty_cache, initargs=(cache,)) as pool,
-    ):
-        return pool.submit(_time_calls, cloud, seed, options).result()
-
-
-def _use_empty_cache(cache: str) -> None:
-    os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
-    os.environ[CACHE_VARIABLE] = cache
-
-
-def _time_calls(cloud: Path, seed: int, options: Result) -> tuple[float, float]:
-    """Return the wall time of the first of four reconstructions, and the median of the others [s]."""
-    rc.GSRMConfig, rc.GrowingGridConfig  # noqa: B018  (imports JAX, which is not to be timed)
-    points, seconds = rc.load_points(cloud), []
-    for _ in range(4):
-        start = time.perf_counter()
-        rc.reconstruct(points, seed=seed, **options)
-        seconds.append(time.perf_counter() - start)
-    return seconds[0], float(np.median(seconds[1:]))
-
-
 def load_arena(folder: Path, name: str) -> sg.Arena:
     """Return an arena that `build_arenas` saved."""
     return sg.Arena.load(folder / "arenas" / name)
 
 
-def build_arenas(folder: Path, seed: int, progress: rc.Progress = rc.silent) -> list[Result]:
+def build_arenas(
+    folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent
+) -> list[Result]:
     """Build the arenas of Tables II and III and save each as a folder."""
     truth, simple, rows = sg.load_arena("truth").surface, sg.load_arena("simple"), []
     for index, (name, (method, kind, text)) in enumerate(RECIPES.items()):
@@ -368,20 +335,20 @@ def build_arenas(folder: Path, seed: int, progress: rc.Progress = rc.silent) -> 
 
 
 def evolve_champion(
-    folder: Path, sizes: PaperSizes, seed: int, workers: int, progress: rc.Progress = rc.silent
+    folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent, workers: int = 1
 ) -> Result:
     """Evolve in the GSRM arena, or resume that run, and judge the champion there and in the true arena."""
-    wanted = ev.EvolutionConfig(
-        arena=str((folder / "arenas" / "gsrm").resolve()),
-        modules=MODULES,
-        seed=seed,
-        generations=sizes.generations,
-        workers=workers,
-        folder=str(folder / RUN),
-    )
     if RunFolder(folder / RUN).has_run():
         run = ev.resume(folder / RUN, workers=workers, progress=progress)
     else:
+        wanted = ev.EvolutionConfig(
+            arena=str((folder / "arenas" / "gsrm").resolve()),
+            modules=MODULES,
+            seed=seed,
+            generations=sizes.generations,
+            workers=workers,
+            folder=str(folder / RUN),
+        )
         run = ev.evolve(wanted, progress=progress)
     champion, history = run.champion, run.history
     assert champion is not None
@@ -413,12 +380,7 @@ def measure_physics(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Pro
         "timers": True,
         "stuck_time": 1e3,
     }
-    environments: dict[str, Any] = {
-        name: gymnasium.make(
-            "symbrion_gym/SnakePit-v1", arena=load_arena(folder, name), disable_env_checker=True, **options
-        ).unwrapped
-        for name in RECIPES
-    }
+    environments = {name: _make_environment(load_arena(folder, name), **options) for name in RECIPES}
     samples: dict[str, list[Result]] = {name: [] for name in RECIPES}
     for run in range(sizes.runs):
         progress(f"run {run + 1} of {sizes.runs}", run / sizes.runs)
@@ -451,6 +413,11 @@ def measure_physics(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Pro
     }
 
 
+def _make_environment(arena: sg.Arena, **options: Any) -> Any:
+    made = gymnasium.make("symbrion_gym/SnakePit-v1", arena=arena, disable_env_checker=True, **options)
+    return made.unwrapped
+
+
 def _time_crossing(environment: Any, champion: ev.Champion, seed: int) -> Result:
     """Time `STEPS` physics steps from when the head is above the pit; then continue until the body has crossed."""
     policy = ChampionPolicy(champion, environment.observation_structure)
@@ -477,70 +444,60 @@ def _time_crossing(environment: Any, champion: ev.Champion, seed: int) -> Result
     return means | {"crossed": bool(crossed), "interrupted": float(1 - is_undisturbed.mean())}
 
 
-class Caster(Protocol):
-    """Casts one scan."""
-
-    def __call__(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " beams"]:
-        """Return the ranges of a scan from a pose [m], nan where nothing is in range."""
-        ...
+Ranges = Float[np.ndarray, " beams"]  # Of a scan [m], nan where nothing is in range
+Caster = Callable[[Float[np.ndarray, "4 4"]], Ranges]  # Casts a scan from a pose
 
 
-class TreeCaster:
-    """A scan of the exact surface of an arena by `mj_multiRay`, through bounding-volume trees."""
+def make_tree_caster(arena: sg.Arena) -> Caster:
+    """Return what casts scans of the exact surface by `mj_multiRay`, through bounding-volume trees."""
+    environment = _make_environment(arena, modules=1)
+    environment.reset(seed=0)
+    data, site = copy.copy(environment.data), environment.model.site("module_0").id
+    finder = sg.RangeFinder(environment.model, "module_0")
 
-    def __init__(self, arena: sg.Arena) -> None:
-        environment: Any = gymnasium.make(
-            "symbrion_gym/SnakePit-v1", arena=arena, modules=1, disable_env_checker=True
-        ).unwrapped
-        environment.reset(seed=0)
-        self._data, site = copy.copy(environment.data), "module_0"
-        self._site = environment.model.site(site).id
-        self._finder = sg.RangeFinder(environment.model, site)
+    def cast(pose: Float[np.ndarray, "4 4"]) -> Ranges:
+        data.site_xpos[site], data.site_xmat[site] = pose[:3, 3], pose[:3, :3].ravel()
+        return finder.read(data)
 
-    def __call__(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " beams"]:
-        self._data.site_xpos[self._site] = pose[:3, 3]
-        self._data.site_xmat[self._site] = pose[:3, :3].ravel()
-        return self._finder.read(self._data)
+    return cast
 
 
-class EmbreeCaster:
-    """A scan by Embree, in single precision."""
+def make_embree_caster(arena: sg.Arena) -> Caster:
+    """Return what casts scans by Embree, in single precision."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
+    scene: Any = EmbreeScene()
+    mesh, scanner = TriangleMesh(scene, np.asarray(arena.surface.triangles, dtype=np.float32)), LaserScanner()
 
-        self._scene: Any = EmbreeScene()
-        self._mesh = TriangleMesh(self._scene, np.asarray(mesh.triangles, dtype=np.float32))
-        self._scanner = LaserScanner()
-
-    def __call__(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " beams"]:
-        directions = (self._scanner.directions @ pose[:3, :3].T).astype(np.float32)
+    def cast(
+        pose: Float[np.ndarray, "4 4"], mesh: object = mesh
+    ) -> Ranges:  # the scene does not keep its mesh
+        directions = (scanner.directions @ pose[:3, :3].T).astype(np.float32)
         origins = np.tile(pose[:3, 3].astype(np.float32), (len(directions), 1))
-        ranges = self._scene.run(origins, directions, query="DISTANCE").astype(np.float64)
-        return np.where(ranges <= self._scanner.max_range, ranges, np.nan)
+        ranges = scene.run(origins, directions, query="DISTANCE").astype(np.float64)
+        return np.where(ranges <= scanner.max_range, ranges, np.nan)
+
+    return cast
 
 
-class BruteForceCaster:
-    """A scan that tests every triangle with every beam, like a simulator without bounding volumes.
+def make_brute_force_caster(arena: sg.Arena) -> Caster:
+    """Return what tests every triangle with every beam, like a simulator without bounding volumes.
 
     References:
         Möller and Trumbore (1997), Fast, minimum storage ray-triangle intersection. With one origin for all rays the
         triple products become matrix products: with s = origin - corner, det = -d . (e1 x e2), u det = -d . (s x e2),
         v det = -d . (e1 x s), t det = s . (e1 x e2).
     """
+    corners, scanner = np.asarray(arena.surface.triangles, dtype=np.float64), LaserScanner()
+    parts = (corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
-        corners = np.asarray(mesh.triangles, dtype=np.float64)
-        self._parts = (corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        self._scanner = LaserScanner()
-
-    def __call__(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " beams"]:
-        directions = self._scanner.directions @ pose[:3, :3].T
+    def cast(pose: Float[np.ndarray, "4 4"]) -> Ranges:
+        directions = scanner.directions @ pose[:3, :3].T
         nearest = np.full(len(directions), np.inf)
         rows = max(1, PAIRS // len(directions))
-        for start in range(0, len(self._parts[0]), rows):
-            corner, edge, other = (part[start : start + rows] for part in self._parts)
+        for start in range(0, len(corners), rows):
+            corner, edge, other = (part[start : start + rows] for part in parts)
             reach, normal = pose[:3, 3] - corner, np.cross(edge, other)
             det = -directions @ normal.T
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -549,7 +506,9 @@ class BruteForceCaster:
                 t = np.sum(reach * normal, axis=1) / det
                 t[~((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0))] = np.inf
             np.minimum(nearest, t.min(axis=1, initial=np.inf), out=nearest)
-        return np.where(nearest <= self._scanner.max_range, nearest, np.nan)
+        return np.where(nearest <= scanner.max_range, nearest, np.nan)
+
+    return cast
 
 
 def list_poses(arena: sg.Arena, count: int) -> Float[np.ndarray, "count 4 4"]:
@@ -563,39 +522,36 @@ def list_poses(arena: sg.Arena, count: int) -> Float[np.ndarray, "count 4 4"]:
     return poses
 
 
-def measure_laser(folder: Path, sizes: PaperSizes, progress: rc.Progress = rc.silent) -> Result:
+def measure_laser(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
     """Time scans of 361 beams from positions along the course, looking ahead and down (Table III).
 
     The methods alternate, a block of poses each. The processor time of the thread that scans is measured, so that other
     work does not count; of brute force, whose matrix products may use several threads, that of the process.
     """
     arenas = {name: load_arena(folder, name) for name in ("gg", "gsrm", "simple")}
-    methods: dict[str, Callable[[sg.Arena], Caster]] = {"tree": TreeCaster}
+    methods: dict[str, Callable[[sg.Arena], Caster]] = {"tree": make_tree_caster}
     if importlib.util.find_spec("embreex"):
-        methods["embree"] = lambda arena: EmbreeCaster(arena.surface)
+        methods["embree"] = make_embree_caster
     else:
         logger.warning("Table III is made without Embree; pip install '.[embree]' installs it")
-    methods["brute force"] = lambda arena: BruteForceCaster(arena.surface)
+    methods["brute force"] = make_brute_force_caster
     casters = {
         (name, method): make(arena) for method, make in methods.items() for name, arena in arenas.items()
     }
     poses = list_poses(arenas["simple"], sizes.scans)
-    for cast in casters.values():
-        cast(poses[0])  # the first scan takes longer: memory is allocated, trees are built
+    hits = np.mean([np.isfinite(casters["gg", "tree"](pose)) for pose in poses])
     times: dict[tuple[str, str], list[float]] = {key: [] for key in casters}
-    hits = []
     for start in range(0, len(poses), BLOCK):
         progress(f"scan {start + 1} of {len(poses)}", start / len(poses))
-        block = poses[start : start + BLOCK]
         for (name, method), cast in casters.items():
             is_brute = method == "brute force"
             clock = time.process_time if is_brute else time.thread_time
-            for pose in block[: -(-len(block) * sizes.brute_scans // sizes.scans)] if is_brute else block:
+            cast(poses[start])  # the first scan takes longer: memory is allocated, caches are filled
+            block = poses[start : start + BLOCK]
+            for pose in block[: max(1, BRUTE_SCANS * len(block) // len(poses))] if is_brute else block:
                 begin = clock()
-                ranges = cast(pose)
+                cast(pose)
                 times[name, method].append(1e6 * (clock() - begin))
-                if (name, method) == ("gg", "tree"):
-                    hits.append(float(np.isfinite(ranges).mean()))
     triangles = {name: len(arena.surface.faces) for name, arena in arenas.items()}
     rows = [
         {
@@ -607,19 +563,17 @@ def measure_laser(folder: Path, sizes: PaperSizes, progress: rc.Progress = rc.si
         }
         for (name, method), found in times.items()
     ]
-    ratios = {
-        method: {name: compute_ratio(times[name, method], times["simple", method]) for name in ("gg", "gsrm")}
-        for method in methods
-    }
-    sizes_log = np.log([triangles[name] for name in arenas])
-    powers = {
-        method: float(
-            np.polyfit(sizes_log, np.log([np.median(times[name, method]) for name in arenas]), 1)[0]
+    ratios, powers = {}, {}
+    for method in methods:
+        own = {name: times[name, method] for name in arenas}
+        ratios[method] = {name: compute_ratio(own[name], own["simple"]) for name in ("gg", "gsrm")}
+        medians = [np.median(own[name]) for name in arenas]
+        powers[method] = float(
+            np.polyfit(np.log([triangles[name] for name in arenas]), np.log(medians), 1)[0]
         )
-        for method in methods
-    }
-    hit = float(np.mean(hits))
-    return {"beams": LaserScanner.num_beams, "hits": hit, "rows": rows, "ratios": ratios, "powers": powers}
+    return {
+        "beams": LaserScanner.num_beams, "hits": float(hits), "rows": rows, "ratios": ratios, "powers": powers,
+    }  # fmt: skip
 
 
 def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
@@ -636,7 +590,7 @@ def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progres
     (folder / "films").mkdir(exist_ok=True)
     for index, (name, robot) in enumerate(robots.items()):
         progress(name, index / len(robots))
-        film = ev.play(robot, truth, seed, film=True, speed=FILM_SPEED, fps=sizes.film_rate)
+        film = ev.play(robot, truth, seed, film=True, speed=FILM_SPEED, fps=FILM_RATE)
         figures[name] = {
             "modules": robot.modules,
             "success": film.success,

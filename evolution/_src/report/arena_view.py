@@ -34,8 +34,6 @@ from evolution._src.report.touchable import find_touchable
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.arenas.spec import make_piece_colors
 from symbrion_gym._src.arenas.viewing import place_modules
-from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.traversability.routes import DrivingRoute
 
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
@@ -46,13 +44,8 @@ if TYPE_CHECKING:
 ROBOT_COLOR = (0.98, 0.78, 0.16)
 WAY_LOOK: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 1.4}
 _MOST_TICKS = 14  # Along the longer side of a picture
-_BEHIND = 0.05
-"""A robot this far behind the surface is still drawn [m]: it stands on contact, which may be lower."""
-
-
-def make_boxes(robot: Organism, route: DrivingRoute) -> list[trimesh.Trimesh]:
-    """Return a box for each module, at the start of a route."""
-    return [trimesh.creation.box(robot.scout.size, pose) for pose in place_modules(robot, route)]
+BEHIND = 0.05
+"""Contact, route and robot this far behind the surface are still drawn [m]: within what a robot feels."""
 
 
 def add_robot(
@@ -61,17 +54,10 @@ def add_robot(
     """Return the picture with the modules of a robot, but for what the surface hides of them."""
     triangles = np.concatenate([np.asarray(box.triangles) for box in boxes])
     pixels = rasterize(triangles, view)
-    is_seen = (pixels.face >= 0) & (pixels.height > surface.height - _BEHIND)
+    is_seen = (pixels.face >= 0) & (pixels.height > surface.height - BEHIND)
     above = shade_pixels(pixels, triangles, np.array(ROBOT_COLOR))
     module = np.where(is_seen, pixels.face // len(boxes[0].faces), -1)
     return draw_outlines(blend(picture, above, is_seen, 1.0), module, is_seen)
-
-
-def make_robot_legend(robot: Organism) -> Patch:
-    """Return the entry of a robot."""
-    return Patch(
-        facecolor=ROBOT_COLOR, edgecolor="black", label=f"robot, {format_count(robot.num_modules, 'module')}"
-    )
 
 
 def add_scale(axes: Axes, view: View) -> None:
@@ -87,17 +73,6 @@ def add_scale(axes: Axes, view: View) -> None:
         axis.set_ticks(half + sign * scale * (values - place), [f"{value:g}" for value in values])
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.grid(color="black", alpha=0.18, linewidth=0.6)
-
-
-def add_way(axes: Axes, view: View, way: Float[np.ndarray, "2 2"]) -> None:
-    """Draw a straight way from a start to a goal into a picture from above."""
-    begin, end = view.project(np.column_stack([way, np.zeros(2)]))[:, :2] / OVERSAMPLING
-    axes.annotate("", end, begin, arrowprops={**WAY_LOOK, "arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0})
-
-
-def make_way_legend() -> Line2D:
-    """Return the entry of a straight way."""
-    return Line2D([], [], label="straight way for it", **WAY_LOOK)
 
 
 LAYERS = ("surface", "contact", "drivable", "route")  # What can be drawn
@@ -123,7 +98,6 @@ HEIGHT_WEIGHT = 4.0
 ROUTE_COLOR = "#b00050"
 ENDS = (("*", 12, ROUTE_COLOR, "goal"), ("o", 7, "white", "start"))
 """Marker, size [point], color and name, in the order in which they are drawn: a goal never hides the start."""
-BEHIND = 0.05  # Contact and route this far behind the surface are still drawn [m]: within what a robot feels
 LIFT = 0.02  # A route is drawn this far above the ground [m]
 
 
@@ -142,7 +116,9 @@ def draw_arena(
     """
     front, labels = find_touchable(arena) if "contact" in layers else (np.zeros((0, 3, 3)), np.zeros(0, int))
     route = route if "route" in layers else None
-    boxes = [] if robot is None or route is None else make_boxes(robot, route)
+    boxes = []
+    if robot is not None and route is not None:
+        boxes = [trimesh.creation.box(robot.scout.size, pose) for pose in place_modules(robot, route)]
     frame = find_frame(arena, route, way if has_plan else None)
     views = [make_view(frame, *direction, OVERSAMPLING * WIDTH) for direction in DIRECTIONS]
     if has_plan:
@@ -169,10 +145,15 @@ def draw_arena(
         if route is not None:
             _add_route(axes, view, pixels, route)
     if has_plan and way is not None:
-        add_way(places[-1], views[-1], np.array(way))
+        begin, end = views[-1].project(np.column_stack([np.array(way), np.zeros(2)]))[:, :2] / OVERSAMPLING
+        look = {**WAY_LOOK, "arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0}
+        places[-1].annotate("", end, begin, arrowprops=look)
     handles = _make_legend(layers, ground, route)
-    handles += [make_robot_legend(robot)] if robot is not None and boxes else []
-    handles += [make_way_legend()] if has_plan and way is not None else []
+    if robot is not None and boxes:
+        label = f"robot, {format_count(robot.num_modules, 'module')}"
+        handles.append(Patch(facecolor=ROBOT_COLOR, edgecolor="black", label=label))
+    if has_plan and way is not None:
+        handles.append(Line2D([], [], label="straight way for it", **WAY_LOOK))
     handles += make_friction_legend(arena) if "surface" in layers else []
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=8, fontsize=9)

@@ -12,6 +12,7 @@ from evolution._src.champions.playback import play
 from evolution._src.errors import RunError
 from evolution._src.report.figures import draw_bodies, to_png
 from evolution._src.report.page import Card, Page
+from evolution._src.report.video import encode_video
 from evolution._src.search.bodies.algorithms import LevelResult
 from evolution._src.search.bodies.run import (
     BodyRun,
@@ -29,7 +30,13 @@ PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
 def describe_machine() -> str:
     """Return processor, cores, versions of Python and packages in one line."""
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    return f"{_find_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
+    try:  # Linux has the name of the processor in a file
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    name = next(names, "") or platform.machine()
+    return f"{name}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
 
 
 def describe_selection(successes: int, trials: int) -> str:
@@ -39,16 +46,6 @@ def describe_selection(successes: int, trials: int) -> str:
     return (
         f"The champion was selected by fresh randomized trials there; it crossed in {successes} of {trials}."
     )
-
-
-def _find_processor() -> str:
-    """Return the name of the processor, which Linux has in a file; on other systems its architecture."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(names, "") or platform.machine()
 
 
 FILM_SPEED = 5.0  # Playback speed of films, relative to real time
@@ -112,7 +109,8 @@ def _make_cards(
         film = None
         if number < num_films:
             progress(f"film of {result.body.text}", number / min(num_films, 1 + len(others)))
-            film = _film(run, result, seed)
+            shown = play(run.make_champion(result), run.config.arena, seed, film=True, speed=FILM_SPEED)
+            film = encode_video(shown.frames, shown.fps) if shown.frames else None
         cards.append(_make_card(run, result, film, result is champion))
     return cards
 
@@ -135,11 +133,3 @@ def _make_card(run: BodyRun, result: LevelResult, film: bytes | None, is_champio
     )
     label = f"{fitness}\n{format_count(body.num_modules, 'module')}\n{rate}"
     return Card(to_png(draw_bodies([body], [""])), label, text, film, mark)
-
-
-def _film(run: BodyRun, result: LevelResult, seed: int) -> bytes | None:
-    """Return one trial as a film; None where there is no OpenGL."""
-    from evolution._src.report.video import encode_video
-
-    recording = play(run.make_champion(result), run.config.arena, seed, film=True, speed=FILM_SPEED)
-    return encode_video(recording.frames, recording.fps) if recording.frames else None

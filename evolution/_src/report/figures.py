@@ -16,9 +16,17 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
+from evolution._src.report.raster import (
+    LIGHT,
+    OVERSAMPLING,
+    draw_outlines,
+    make_view,
+    rasterize,
+    reduce_samples,
+    shade_pixels,
+)
 from evolution._src.search.bodies.genome import BodyGenome
 from reconstruction._src.surfaces.color import WHITE, find_vertex_colors
 
@@ -65,16 +73,14 @@ def to_svg(figure: Figure) -> bytes:
 
 VIEW = (28.0, -62.0)
 """Elevation and azimuth of the camera [degree]: both ramps and the bottom of the pit can be seen."""
-LIGHT = np.array([0.35, -0.5, 0.79])
-"""Direction to the light: from above, beside the camera, so that ramps and walls differ in brightness."""
 PALETTE = ("#24588f", "#c8553d", "#3f8f5b", "#8b5fa8", "#b8892b", "#4a9aa8")
 MARK_COLOR = "#d1242f"
 EDGE_COLOR = "#3a4a5c"
 INK_COLOR = "#1d2530"
 SURFACE_COLOR = "#c9d6e4"
 SECTION_HALF_WIDTH = 0.03  # Points up to this distance from a section are drawn on it [m]
-MAX_SPLIT_FACES = 300
-"""Largest number of faces of a mesh that is drawn in small parts: large triangles cannot be sorted by depth."""
+WIDTH = 1000  # Of pictures of meshes [pixel]
+_BEHIND = 0.01  # Points this far behind a surface are still drawn [m]
 
 
 def draw_cloud(
@@ -86,7 +92,7 @@ def draw_cloud(
 ) -> Figure:
     """Draw a point cloud, colored by height, or in its own colors."""
     if bounds is not None:
-        inside = ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
+        inside = _find_inside(points, bounds)
         points, colors = points[inside], None if colors is None else colors[inside]
     step = max(1, len(points) // limit)
     shown = points[::step]
@@ -98,7 +104,7 @@ def draw_cloud(
         look = {"c": colors[::step] / WHITE}
     axes.scatter(*shown.T, **look, s=0.9, depthshade=False, linewidths=0, rasterized=True)
     if marked is not None:
-        seen = marked if bounds is None else _crop(marked, bounds)
+        seen = marked if bounds is None else marked[_find_inside(marked, bounds)]
         seen = seen[:: max(1, len(seen) // limit)]
         axes.scatter(*seen.T, c=MARK_COLOR, s=2.2, depthshade=False, linewidths=0, rasterized=True)
     return figure
@@ -110,37 +116,46 @@ def draw_surface(
     bounds: Float[np.ndarray, "2 3"] | None = None,
 ) -> Figure:
     """Draw a shaded mesh with its edges, or in its own colors without them, and some points of the cloud."""
-    figure = Figure(figsize=(12, 8), dpi=DPI)
-    axes = _make_3d_axes(figure, mesh.vertices if bounds is None else bounds)
-    color = np.array(to_rgb(SURFACE_COLOR))
-    own = find_vertex_colors(mesh)
-    if own is not None:
-        _add_triangles(axes, mesh, own[np.asarray(mesh.faces)].mean(axis=1) / WHITE, edge="none")
-    elif len(mesh.faces) > MAX_SPLIT_FACES:
-        _add_triangles(axes, mesh, color, edge=EDGE_COLOR)
+    triangles, own = np.asarray(mesh.triangles), find_vertex_colors(mesh)
+    view = make_view(_list_corners(mesh.bounds if bounds is None else bounds), *VIEW, OVERSAMPLING * WIDTH)
+    pixels = rasterize(triangles, view, is_culled=False)
+    if own is None:
+        picture = shade_pixels(pixels, triangles, np.array(to_rgb(SURFACE_COLOR)))
+        picture = draw_outlines(picture, pixels.face, pixels.face >= 0)
     else:
-        _add_large_triangles(axes, mesh, color)
+        picture = shade_pixels(
+            pixels, triangles, own[np.asarray(mesh.faces)].mean(axis=1)[pixels.face] / WHITE
+        )
+    shown = reduce_samples(picture)
     if points is not None:
-        shown = points[:: max(1, len(points) // 3000)]
-        axes.scatter(*shown.T, s=0.4, c=PALETTE[1], depthshade=False, linewidths=0, rasterized=True)
-    return figure
+        seen = view.project(points[:: max(1, len(points) // 3000)])
+        columns, rows = np.clip(seen[:, :2].astype(np.int64), 0, [view.width - 1, view.height - 1]).T
+        is_seen = seen[:, 2] > pixels.height[rows, columns] - _BEHIND
+        shown[rows[is_seen] // OVERSAMPLING, columns[is_seen] // OVERSAMPLING] = to_rgb(PALETTE[1])
+    return _show(shown)
 
 
 def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> Figure:
     """Draw the convex pieces of an arena, each in its own color."""
-    figure = Figure(figsize=(12, 8), dpi=DPI)
-    axes = _make_3d_axes(figure, np.vstack([piece.vertices for piece in pieces]))
-    colors = mpl.colormaps["tab20"].colors  # pyright: ignore[reportAttributeAccessIssue]
-    extent = max(np.ptp(np.vstack([piece.bounds for piece in pieces]), axis=0))
-    fine, color = [], []
-    for index, piece in enumerate(pieces):
-        part = _subdivide(piece, extent / 60)  # small triangles can be sorted by depth
-        part.update_faces(~_is_hidden(part.triangles_center, index, pieces))
-        fine.append(part)
-        color.append(np.tile(colors[index % len(colors)], (len(part.faces), 1)))
-    together = trimesh.util.concatenate(fine)
-    assert isinstance(together, trimesh.Trimesh)
-    _add_triangles(axes, together, np.vstack(color), edge="none")
+    triangles = np.concatenate([np.asarray(piece.triangles) for piece in pieces])
+    labels = np.repeat(np.arange(len(pieces)), [len(piece.faces) for piece in pieces])
+    view = make_view(triangles.reshape(-1, 3), *VIEW, OVERSAMPLING * WIDTH)
+    pixels = rasterize(triangles, view)
+    colors = np.array(mpl.colormaps["tab20"].colors)  # pyright: ignore[reportAttributeAccessIssue]
+    picture = shade_pixels(pixels, triangles, colors[labels[pixels.face] % len(colors)])
+    return _show(reduce_samples(draw_outlines(picture, np.append(labels, -1)[pixels.face])))
+
+
+def _list_corners(bounds: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "8 3"]:
+    return np.stack(np.meshgrid(*bounds.T), axis=-1).reshape(-1, 3)
+
+
+def _show(picture: Float[np.ndarray, "H W 3"]) -> Figure:
+    """Return a figure of a picture, pixel by pixel."""
+    figure = Figure(figsize=(picture.shape[1] / DPI, picture.shape[0] / DPI), dpi=DPI)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.imshow(np.clip(picture, 0.0, 1.0))
+    axes.set_axis_off()
     return figure
 
 
@@ -154,23 +169,14 @@ def draw_section(
     """Draw a vertical section along the course: every surface as a line, the points near it as dots."""
     figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
-    if points is not None:
-        near = points[np.abs(points[:, 1] - y) < SECTION_HALF_WIDTH]
-        axes.scatter(
-            near[:, 0], near[:, 2], s=4, c="#6b7683", linewidths=0, label="points", rasterized=True, zorder=3
-        )
-    if marked is not None:
-        near = marked[np.abs(marked[:, 1] - y) < SECTION_HALF_WIDTH]
-        axes.scatter(
-            near[:, 0],
-            near[:, 2],
-            s=7,
-            c=MARK_COLOR,
-            linewidths=0,
-            label="mixed pixels",
-            rasterized=True,
-            zorder=4,
-        )
+    for cloud, size, color, label in (
+        (points, 4, "#6b7683", "points"),
+        (marked, 7, MARK_COLOR, "mixed pixels"),
+    ):
+        if cloud is not None:
+            near = cloud[np.abs(cloud[:, 1] - y) < SECTION_HALF_WIDTH]
+            look = {"s": size, "c": color, "linewidths": 0, "rasterized": True, "zorder": 3}
+            axes.scatter(near[:, 0], near[:, 2], label=label, **look)
     for index, (label, group) in enumerate(meshes.items()):
         parts = [group] if isinstance(group, trimesh.Trimesh) else list(group)
         cuts = [_cut(part, y) for part in parts]
@@ -179,12 +185,10 @@ def draw_section(
         width = max(0.9, 2.4 - 0.75 * index)  # lines drawn later do not hide the earlier ones
         axes.add_collection(LineCollection(list(lines), colors=color, linewidths=width, label=label))
     axes.set(xlim=x_limits, xlabel="x [m]", ylabel="z [m]", aspect="equal")
-    ground = [group for group in meshes.values() if isinstance(group, trimesh.Trimesh)]
-    heights = np.concatenate([mesh.vertices[:, 2] for mesh in ground]) if ground else np.zeros(0)
-    if len(heights):
+    ground = [group.vertices[:, 2] for group in meshes.values() if isinstance(group, trimesh.Trimesh)]
+    if ground:
+        heights = np.concatenate(ground)
         axes.set_ylim(heights.min() - 0.1, heights.max() + 0.15)
-    else:
-        axes.autoscale(axis="y")
     axes.legend(frameon=False, fontsize=9, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     style_axes(axes)
     return figure
@@ -233,32 +237,15 @@ def _make_3d_axes(figure: Figure, points: Float[np.ndarray, "N 3"]) -> Axes:
     return axes
 
 
-def _crop(points: Float[np.ndarray, "N 3"], bounds: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "M 3"]:
-    return points[((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)]
+def _find_inside(
+    points: Float[np.ndarray, "N 3"], bounds: Float[np.ndarray, "2 3"]
+) -> Bool[np.ndarray, " N"]:
+    return ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
 
 
 def _cut(mesh: trimesh.Trimesh, y: float) -> Float[np.ndarray, "S 2 2"]:
     """Return the segments (x, z) in which a vertical plane along the course cuts a mesh [m]."""
     return np.asarray(trimesh.intersections.mesh_plane(mesh, (0, 1, 0), (0, y, 0)))[:, :, [0, 2]]
-
-
-def _subdivide(mesh: trimesh.Trimesh, size: float) -> trimesh.Trimesh:
-    parts = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, size)
-    return trimesh.Trimesh(parts[0], parts[1], process=False)
-
-
-def _is_hidden(
-    centers: Float[np.ndarray, "F 3"], index: int, pieces: Sequence[trimesh.Trimesh]
-) -> Bool[np.ndarray, " F"]:
-    """Return which faces of piece `index` lie inside another one; of two that coincide the later is hidden."""
-    hidden = np.zeros(len(centers), dtype=bool)
-    for other, piece in enumerate(pieces):
-        if other != index:
-            depth = (
-                centers @ piece.face_normals.T - np.sum(piece.face_normals * piece.triangles_center, axis=1)
-            ).max(axis=1)
-            hidden |= depth < (1e-4 if other < index else -1e-4)
-    return hidden
 
 
 def shade(
@@ -268,52 +255,6 @@ def shade(
     light = LIGHT / np.linalg.norm(LIGHT)
     brightness = 0.45 + 0.55 * np.clip(mesh.face_normals @ light, 0, 1)
     return brightness[:, None] * color
-
-
-def _add_triangles(
-    axes: Axes,
-    mesh: trimesh.Trimesh,
-    color: Float[np.ndarray, " 3"] | Float[np.ndarray, "F 3"],
-    edge: str,
-) -> None:
-    """Add shaded triangles; `color` is one RGB triple for all faces, or one for each."""
-    shaded = shade(mesh, color)
-    axes.add_collection3d(  # pyright: ignore[reportAttributeAccessIssue]
-        Poly3DCollection(
-            mesh.triangles,
-            facecolors=shaded,
-            edgecolors=shaded if edge == "none" else edge,
-            linewidths=0.25 if len(mesh.faces) < 8000 else 0.08,
-            rasterized=True,
-        )
-    )
-
-
-def _add_large_triangles(axes: Axes, mesh: trimesh.Trimesh, color: Float[np.ndarray, " 3"]) -> None:
-    """Add triangles and edges in small parts that can be sorted by depth."""
-    size = float(mesh.extents.max()) / 80
-    fine = _subdivide(mesh, size)
-    elevation, azimuth = np.deg2rad(VIEW)
-    to_camera = np.array(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-    )
-    ends = np.asarray(mesh.vertices)[mesh.edges_unique]
-    parts = []
-    for start, end in ends:
-        cuts = np.linspace(start, end, max(2, int(np.linalg.norm(end - start) / size) + 2))
-        parts.append(np.stack([cuts[:-1], cuts[1:], cuts[1:]], axis=1))
-    lines = np.concatenate(parts) + size * to_camera
-    shaded = shade(fine, color)
-    dark = np.tile(to_rgb(EDGE_COLOR), (len(lines), 1))
-    axes.add_collection3d(  # pyright: ignore[reportAttributeAccessIssue]
-        Poly3DCollection(
-            np.concatenate([fine.triangles, lines]),
-            facecolors=np.concatenate([shaded, dark]),
-            edgecolors=np.concatenate([shaded, dark]),
-            linewidths=0.5,
-            rasterized=True,
-        )
-    )
 
 
 def style_axes(axes: Axes) -> None:

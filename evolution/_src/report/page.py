@@ -14,13 +14,14 @@ from evolution._src.report.figures import compute_width, to_png
 from evolution._src.report.scene import Scene, get_plotly_script
 from reconstruction._src.base.atomic_write import write_atomically
 
-_TEMPLATE = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parent),
+TEMPLATES = jinja2.Environment(
+    loader=jinja2.FileSystemLoader([Path(__file__).parent, Path(__file__).parents[1] / "experiments"]),
     autoescape=True,
     trim_blocks=True,
     lstrip_blocks=True,
     undefined=jinja2.StrictUndefined,
-).get_template("page.html.j2")
+)
+TEMPLATES.filters["anchor"] = lambda title: re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,8 +47,7 @@ class Page:
 
     def add_section(self, title: str, text: str = "") -> None:
         """Start a section; the blocks that follow belong to it."""
-        anchor = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
-        self._blocks.append({"kind": "section", "title": title, "text": text, "anchor": anchor})
+        self._blocks.append({"kind": "section", "title": title, "text": text})
 
     def add_contents(self) -> None:
         """Add a list of links to all sections."""
@@ -67,28 +67,19 @@ class Page:
 
     def add_figure(self, picture: bytes | Figure, caption: str) -> None:
         """Add a figure, or a PNG image, with a caption."""
-        png = _as_png(picture)
-        shown = {"source": _inline(png, "image/png"), "width": compute_width(png)}
-        self._blocks.append({"kind": "figure", **shown, "caption": caption})
+        self._blocks.append({"kind": "figure", "picture": inline_picture(picture), "caption": caption})
 
     def add_gallery(self, pictures: Mapping[str, bytes | Figure], caption: str) -> None:
         """Add images with labels, side by side, or one below the other on a narrow page."""
-        shown = [
-            {"label": label, "source": _inline(_as_png(item), "image/png")}
-            for label, item in pictures.items()
-        ]
+        shown = [inline_picture(item) | {"label": label} for label, item in pictures.items()]
         self._blocks.append({"kind": "gallery", "pictures": shown, "caption": caption})
 
     def add_cards(self, cards: Sequence[Card], caption: str) -> None:
         """Add a grid of pictures; a click opens the text, and the video where there is one."""
         shown = [
-            {
-                "source": _inline(_as_png(card.picture), "image/png"),
-                "label": card.label,
-                "text": card.text,
-                "mark": card.mark,
-                "video": _inline(card.video, "video/mp4") if card.video else "",
-            }
+            vars(card)
+            | inline_picture(card.picture)
+            | {"video": inline_video(card.video) if card.video else ""}
             for card in cards
         ]
         self._blocks.append({"kind": "cards", "cards": shown, "caption": caption})
@@ -97,39 +88,44 @@ class Page:
         """Add an interactive scene and its switches; a page can have one."""
         if any(block["kind"] == "scene" for block in self._blocks):
             raise ValueError("a page can have one scene, and has one already")
-        switches = scene.switches()
-        self._blocks.append(
-            {"kind": "scene", "html": scene.to_html(), "switches": switches, "caption": caption}
-        )
+        self._blocks.append({"kind": "scene", "scene": scene, "caption": caption})
 
     def add_video(self, mp4: bytes, caption: str) -> None:
         """Add an H.264 video with controls."""
-        self._blocks.append({"kind": "video", "source": _inline(mp4, "video/mp4"), "caption": caption})
+        self._blocks.append({"kind": "video", "source": inline_video(mp4), "caption": caption})
 
     def add_table(self, columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str) -> None:
         """Add a table; the first column contains the headings of the rows."""
-        is_text = [any(str(row[index])[:1].isalpha() for row in rows) for index in range(len(columns))]
-        self._blocks.append(
-            {"kind": "table", "columns": columns, "rows": rows, "is_text": is_text, "caption": caption}
-        )
+        words = [index for index in range(len(columns)) if any(str(row[index])[:1].isalpha() for row in rows)]
+        table = {"columns": columns, "rows": rows, "words": words}
+        self._blocks.append({"kind": "table", **table, "caption": caption})
 
     def write(self, path: Path) -> None:
         """Write the page as one file, atomically."""
         has_scene = any(block["kind"] == "scene" for block in self._blocks)
-        html = _TEMPLATE.render(
-            title=self.title,
-            summary=self.summary,
-            footer=self.footer,
-            blocks=self._blocks,
-            program=get_plotly_script() if has_scene else "",
-        )
-        with write_atomically(path) as beside:
-            beside.write_text(html, encoding="utf-8", errors="backslashreplace")
+        context = {
+            "title": self.title,
+            "summary": self.summary,
+            "footer": self.footer,
+            "blocks": self._blocks,
+        }
+        write_page(path, "page.html.j2", context, has_scene)
 
 
-def _as_png(picture: bytes | Figure) -> bytes:
-    return picture if isinstance(picture, bytes) else to_png(picture)
+def write_page(path: Path, template: str, context: Mapping[str, Any], has_scene: bool) -> None:
+    """Write a page from a template as one file, atomically."""
+    program = get_plotly_script() if has_scene else ""
+    html = TEMPLATES.get_template(template).render(program=program, **context)
+    with write_atomically(path) as beside:
+        beside.write_text(html, encoding="utf-8", errors="backslashreplace")
 
 
-def _inline(content: bytes, media_type: str) -> str:
-    return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
+def inline_picture(picture: bytes | Figure) -> dict[str, Any]:
+    """Return a figure, or a PNG image, as `source` and `width` [pixel] of an image in a page."""
+    png = picture if isinstance(picture, bytes) else to_png(picture)
+    return {"source": f"data:image/png;base64,{base64.b64encode(png).decode()}", "width": compute_width(png)}
+
+
+def inline_video(mp4: bytes) -> str:
+    """Return the source of a video in a page."""
+    return f"data:video/mp4;base64,{base64.b64encode(mp4).decode()}"

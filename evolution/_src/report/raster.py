@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 import symbrion_gym as sg
-from evolution._src.report.figures import LIGHT
 
 if TYPE_CHECKING:
     from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.traversability.routes import DrivingRoute
 
 
+LIGHT = np.array([0.35, -0.5, 0.79])
+"""Direction to the light: from above, beside the camera, so that ramps and walls differ in brightness."""
 _MOST_CELLS = 1_000_000  # Pixels that are tested at once: bounds the memory to some 100 MB
 _FILLED, _MOST_HEIGHT = 0.97, 0.75
 """Share of the picture that is filled; largest height of a picture, relative to its width."""

@@ -21,6 +21,7 @@ MILLIMETER_DIGITS = 3  # Decimals of coordinates in meters
 CAMERA = {"eye": {"x": -0.56, "y": -2.26, "z": 1.24}, "center": {"x": 0.0, "y": 0.0, "z": -0.04}}
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
+SNAPSHOTS = 9  # Times at which a body is shown on its path
 PATH_STEP = 5  # Every fifth position of the head becomes a point of its path
 
 
@@ -49,16 +50,14 @@ class Scene:
 
     def add_surface(self, name: str, mesh: trimesh.Trimesh, color: str, is_shown: bool = True) -> None:
         """Add a mesh with its edges, or in its own colors without them."""
-        if find_vertex_colors(mesh) is not None:
-            self._add(name, [_make_colored_trace(mesh)], is_shown)
-            return
-        edges = np.asarray(mesh.vertices)[mesh.edges_unique]
-        gaps = np.full((len(edges), 1, 3), np.nan)
-        lines = np.concatenate([edges, gaps], axis=1).reshape(-1, 3)
-        wire = _make_trace(
-            "scatter3d", **_to_xyz(lines), mode="lines", line={"color": EDGE_COLOR, "width": 1}
-        )
-        self._add(name, [_make_mesh_trace(mesh, color), wire], is_shown)
+        traces = [_make_mesh_trace(mesh, color)]
+        if find_vertex_colors(mesh) is None:
+            lines, look = (
+                _join(np.asarray(mesh.vertices)[mesh.edges_unique]),
+                {"color": EDGE_COLOR, "width": 1},
+            )
+            traces.append(_make_trace("scatter3d", **_to_xyz(lines), mode="lines", line=look))
+        self._add(name, traces, is_shown)
 
     def add_pieces(self, name: str, pieces: Sequence[trimesh.Trimesh], is_shown: bool = True) -> None:
         """Add convex pieces, each in its own color."""
@@ -66,27 +65,13 @@ class Scene:
         traces = [_make_mesh_trace(piece, color) for piece, color in zip(pieces, colors, strict=True)]
         self._add(name, traces, is_shown)
 
-    def add_path(
-        self,
-        name: str,
-        positions: Float[np.ndarray, "T modules 3"],
-        snapshots: int = 9,
-        is_shown: bool = True,
-    ) -> None:
+    def add_path(self, name: str, positions: Float[np.ndarray, "T modules 3"], is_shown: bool = True) -> None:
         """Add the path of a body: a line for the head, and the whole body at several times."""
-        head = _make_trace(
-            "scatter3d",
-            **_to_xyz(positions[::PATH_STEP, 0]),
-            mode="lines",
-            line={"color": PALETTE[1], "width": 4},
-        )
-        shown = positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)]
-        gap = np.full((snapshots, 1, 3), np.nan)
-        bodies = _make_trace("scatter3d",
-            **_to_xyz(np.concatenate([shown, gap], axis=1).reshape(-1, 3)),
-            mode="lines+markers", line={"color": BODY_COLOR, "width": 3},
-            marker={"size": 4, "color": PALETTE[1]},
-        )  # fmt: skip
+        line = {"color": PALETTE[1], "width": 4}
+        head = _make_trace("scatter3d", **_to_xyz(positions[::PATH_STEP, 0]), mode="lines", line=line)
+        shown = positions[np.linspace(0, len(positions) - 1, SNAPSHOTS).astype(int)]
+        look = {"line": {"color": BODY_COLOR, "width": 3}, "marker": {"size": 4, "color": PALETTE[1]}}
+        bodies = _make_trace("scatter3d", **_to_xyz(_join(shown)), mode="lines+markers", **look)
         self._add(name, [head, bodies], is_shown)
 
     def switches(self) -> list[dict[str, Any]]:
@@ -133,31 +118,27 @@ def get_plotly_script() -> Markup:
 
 
 def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
-    """Return a mesh with shaded face colors, as in the figures, instead of the light of Plotly."""
-    i, j, k = np.asarray(mesh.faces, dtype=np.int32).T
-    shaded = np.round(255 * shade(mesh, np.array(mpl.colors.to_rgb(color)))).astype(np.uint8)
-    facecolor = ["#" + bytes(rgb).hex() for rgb in shaded]
+    """Return a mesh in the colors of its vertices, which hold the light of a scan, or shaded as in the figures."""
+    (i, j, k), own = np.asarray(mesh.faces, dtype=np.int32).T, find_vertex_colors(mesh)
+    if own is None:
+        shaded = np.round(255 * shade(mesh, np.array(mpl.colors.to_rgb(color)))).astype(np.uint8)
+        look = {"facecolor": ["#" + bytes(rgb).hex() for rgb in shaded], "flatshading": True}
+    else:
+        look = {"vertexcolor": ["#" + bytes(rgb).hex() for rgb in own]}
+    lighting = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0}
     return _make_trace(
-        "mesh3d",
-        **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, facecolor=facecolor, flatshading=True,
-        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
-    )  # fmt: skip
-
-
-def _make_colored_trace(mesh: trimesh.Trimesh) -> Trace:
-    """Return a mesh in the colors of its vertices, as bright as they are: a scan's colors hold its light."""
-    i, j, k = np.asarray(mesh.faces, dtype=np.int32).T
-    colors = find_vertex_colors(mesh)
-    assert colors is not None
-    return _make_trace(
-        "mesh3d",
-        **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, vertexcolor=["#" + bytes(rgb).hex() for rgb in colors],
-        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
-    )  # fmt: skip
+        "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, lighting=lighting, **look
+    )
 
 
 def _make_trace(kind: str, **values: Any) -> Trace:
     return {"type": kind, **values}
+
+
+def _join(lines: Float[np.ndarray, "L P 3"]) -> Float[np.ndarray, "N 3"]:
+    """Return lines as one, with gaps between them."""
+    gaps = np.full((len(lines), 1, 3), np.nan)
+    return np.concatenate([lines, gaps], axis=1).reshape(-1, 3)
 
 
 def _to_xyz(points: Float[np.ndarray, "N 3"]) -> dict[str, np.ndarray]:

@@ -2,31 +2,63 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+from numbers import Integral
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
+from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.scout_constants import SIDES
-from symbrion_gym._src.robot.scout_sensors import SensorNoise
 from symbrion_gym._src.swarm.docks import find_groups
-from symbrion_gym._src.swarm.options import SwarmOptions, make_world
+from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.placing import find_across, find_field, scatter
-from symbrion_gym._src.swarm.senses import Senses
-from symbrion_gym._src.swarm.signals.infrared import SATURATION, SignalConfig
-from symbrion_gym._src.swarm.signals.signals import Receptions, Signals, Transmissions
+from symbrion_gym._src.swarm.senses import Senses, SwarmWorld
+from symbrion_gym._src.swarm.signals import NO_MESSAGE, SATURATION, Signals
 from symbrion_gym._src.swarm.world import DECISION, SwarmCommands
 
 if TYPE_CHECKING:
     from symbrion_gym._src.swarm.film import SwarmCamera
 
+LEVELS = {
+    "kinematic": KinematicWorld,
+    "dynamic": DynamicWorld,
+}  # All robots simply and fast; all in full contact
+MOST_ROBOTS = 1000
 NUM_MESSAGES = 16  # Messages that a dock can send: numbers from 0 on
 _NUM_DOCKS = len(SIDES)
+_NUM_BEAMS = 7  # The lowest ones of the laser
+_NUM_ACTIONS = 15
+_BEYOND = 0.2  # Way beyond the pit that is still rewarded [m]
 _LARGEST_SEED = 2**31
+
+
+@dataclass(frozen=True)
+class SwarmOptions:
+    """Options of `swarm_v0.parallel_env`; see `SwarmEnv`."""
+
+    arena: str | Path | Arena = "gsrm"  # a name, a folder, a mesh file or an `Arena` with a pit
+    num_robots: int = 8  # robots, all Scouts
+    duration: float = 900.0  # of an episode [s]
+    success_bonus: float = 1.0  # reward of every robot once all are beyond the pit, undocked and upright
+    noise: float = 1.0  # factor on the noise of the sensors; 0 for none
+    fidelity: str = "kinematic"  # level of physics, one of `LEVELS`
+
+    def __post_init__(self) -> None:
+        count = self.num_robots
+        if isinstance(count, bool) or not isinstance(count, Integral) or not 1 <= count <= MOST_ROBOTS:
+            raise OptionError(f"num_robots must be a whole number from 1 to {MOST_ROBOTS}, got {count!r}")
+        check_positive(self, ("duration",), OptionError)
+        check_not_negative(self, ("success_bonus", "noise"), OptionError)
+        if self.fidelity not in LEVELS:
+            raise OptionError(f"no fidelity {self.fidelity!r}; there are: {', '.join(LEVELS)}")
 
 
 class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
@@ -110,30 +142,22 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         if render_mode not in (None, "rgb_array"):
             raise OptionError(f"no render mode {render_mode!r}; there is 'rgb_array', or leave it out")
-        self.options = SwarmOptions.from_options(options)
-        self.render_mode = render_mode
-        count = int(self.options.num_robots)
-        source = self.options.arena
+        names = [field.name for field in fields(SwarmOptions)]
+        for unknown in sorted(set(options) - set(names)):
+            raise OptionError(f"no option {unknown!r}; there are: {', '.join(names)}")
+        self.options, self.render_mode = SwarmOptions(**options), render_mode
+        count, source = int(self.options.num_robots), self.options.arena
         self.arena = source if isinstance(source, Arena) else load_arena(source)
         self.field = find_field(self.arena)
-        self.world = make_world(self.arena, count, self.options.fidelity)
-        noise = self.options.noise
-        default = SensorNoise()
-        scaled = SensorNoise(
-            **{name: noise * getattr(default, name) for name in default.__dataclass_fields__}
-        )
-        self._senses = Senses(self.world, laser=True, noise=scaled)
-        light = SignalConfig()
-        light = SignalConfig(
-            noise=noise * light.noise,
-            relative_noise=noise * light.relative_noise,
-            message_loss=min(1.0, noise * light.message_loss),
-        )
-        self._signals = Signals(self.world, light, sight=self._senses.sight)
+        self.world: SwarmWorld = LEVELS[self.options.fidelity](self.arena, count)
+        self._senses = Senses(self.world, self.options.noise)
+        self._signals = Signals(self.world, self.options.noise)
         self.possible_agents = [f"robot_{index}" for index in range(count)]
         self.agents: list[str] = []
-        self._action = {agent: spaces.Box(-1.0, 1.0, (15,), np.float32) for agent in self.possible_agents}
-        low, high = _find_bounds(self.world.scout.ir_range, SATURATION, self.world.scout.laser_range)
+        self._action = {
+            agent: spaces.Box(-1.0, 1.0, (_NUM_ACTIONS,), np.float32) for agent in self.possible_agents
+        }
+        low, high = _find_bounds(self.world.scout.ir_range, self.world.scout.laser_range)
         self._observation = {agent: spaces.Box(low, high, dtype=np.float32) for agent in self.possible_agents}
         self._rng = np.random.default_rng()
         self._camera: SwarmCamera | None = None
@@ -164,9 +188,9 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self._senses.reset(senses)
         self._signals.reset(signals)
         self._is_placed, self.agents = True, list(self.possible_agents)
-        self._sent = Transmissions.make_silent(self.world.num_robots)
         self._progress = self._measure_progress()
-        return self._observe(), self._describe(False)
+        silent = np.full((self.world.num_robots, _NUM_DOCKS), NO_MESSAGE)
+        return self._observe(silent >= 0, silent), self._describe(False)
 
     def step(
         self, actions: dict[str, np.ndarray]
@@ -189,16 +213,15 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         commands = SwarmCommands(action[:, :2] * scout.track_speed, action[:, 2] * scout.hinge_range, latch)
         self.world.step(commands)
         level = np.minimum((action[:, 11:] * NUM_MESSAGES).astype(int), NUM_MESSAGES - 1)
-        message = np.where(action[:, 11:] < 0.0, -1, level)
-        self._sent = Transmissions(action[:, 7:11] > 0.0, message, message)
+        message = np.where(action[:, 11:] < 0.0, NO_MESSAGE, level)
         progress = self._measure_progress()
-        success = bool(find_across(self.world.state, self.field, scout).all())
+        success = bool(find_across(self.world.state, self.field).all())
         gain = progress - self._progress + success * self.options.success_bonus
         self._progress = progress
         is_over = self.world.time >= self.options.duration - DECISION / 2
         names = self.agents
         results = (
-            self._observe(),
+            self._observe(action[:, 7:11] > 0.0, message),
             dict(zip(names, gain.tolist(), strict=True)),
             dict.fromkeys(names, success),
             dict.fromkeys(names, is_over and not success),
@@ -233,13 +256,12 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def _read_actions(self, actions: dict[str, np.ndarray]) -> np.ndarray:
         """Return `[N, 15]`, robots without an action idle."""
-        idle = np.zeros(15)
+        idle = np.zeros(_NUM_ACTIONS)
         idle[3:] = -1.0
         result = np.tile(idle, (self.world.num_robots, 1))
         for agent, action in actions.items():
             if agent not in self._action:
-                last = self.possible_agents[-1]
-                raise OptionError(f"no agent {agent!r}; there are robot_0 to {last}")
+                raise OptionError(f"no agent {agent!r}; there are robot_0 to {self.possible_agents[-1]}")
             values = np.asarray(action, dtype=np.float64)
             if values.shape != idle.shape or not np.isfinite(values).all():
                 raise OptionError(f"the action of {agent} must be 15 finite numbers, got {action!r}")
@@ -247,26 +269,19 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         return result
 
     def _measure_progress(self) -> np.ndarray:
-        way = self.field.find_way(self.world.state.position)
-        return np.minimum(way, self.field.far_edge + 0.2)
+        return np.minimum(self.field.find_way(self.world.state.position), self.field.far_edge + _BEYOND)
 
-    def _observe(self) -> dict[str, np.ndarray]:
-        readings = self._senses.read()
-        received: Receptions = self._signals.exchange(self._sent)
-        state = self.world.state
-        docked = np.zeros((self.world.num_robots, _NUM_DOCKS))
-        for link in state.links:
-            for robot, side in link.ends:
-                docked[robot, SIDES.index(side)] = 1.0
+    def _observe(self, beacon: np.ndarray, message: np.ndarray) -> dict[str, np.ndarray]:
+        """Return what robots observe as their docks shine and send."""
+        readings, state = self._senses.read(), self.world.state
+        received = self._signals.exchange(beacon, message)
         parts = (
             readings["proximity"],
             readings["tilt"],
             readings["odometry"],
             state.hinge[:, None],
-            docked,
-            received.beacon,
-            received.message,
-            received.wired,
+            state.docked,
+            *received,
             readings["laser"][:, :_NUM_BEAMS],
         )
         space = self._observation[self.possible_agents[0]]
@@ -274,7 +289,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         return dict(zip(self.agents, rows, strict=True))
 
     def _describe(self, success: bool) -> dict[str, dict[str, Any]]:
-        across = find_across(self.world.state, self.field, self.world.scout).tolist()
+        across = find_across(self.world.state, self.field).tolist()
         organism = find_groups(self.world.state.links, self.world.num_robots).tolist()
         return {
             agent: {"success": success, "organism": organism[index], "across": across[index]}
@@ -282,12 +297,10 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         }
 
 
-_NUM_BEAMS = 7
-
-
-def _find_bounds(ir_range: float, saturation: float, laser_range: float) -> tuple[np.ndarray, np.ndarray]:
+def _find_bounds(ir_range: float, laser_range: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and highest observation."""
     sizes = (8, 2, 2, 1, _NUM_DOCKS, 8, _NUM_DOCKS, _NUM_DOCKS, _NUM_BEAMS)
-    low = (0.0, -np.pi, -1.0, -np.pi / 2, 0.0, 0.0, -1.0, -1.0, 0.0)
-    high = (ir_range, np.pi, 1.0, np.pi / 2, 1.0, saturation, NUM_MESSAGES - 1, NUM_MESSAGES - 1, laser_range)
+    last = NUM_MESSAGES - 1
+    low = (0.0, -np.pi, -1.0, -np.pi / 2, 0.0, 0.0, NO_MESSAGE, NO_MESSAGE, 0.0)
+    high = (ir_range, np.pi, 1.0, np.pi / 2, 1.0, SATURATION, last, last, laser_range)
     return np.repeat(low, sizes).astype(np.float32), np.repeat(high, sizes).astype(np.float32)

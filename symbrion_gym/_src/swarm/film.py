@@ -11,50 +11,31 @@ from symbrion_gym._src.environment.rendering import SceneRenderer, add_scene
 from symbrion_gym._src.robot.scout import make_scout
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
+WIDTH, HEIGHT = 640, 400  # Of an image [pixel]
 VIEW_LENGTH = 1.8
 """The camera stays as far away as from an organism of this length [m]: it shows most of a swarm."""
 ELEVATION = -32.0  # Of the camera [deg]
 
 
 class SwarmCamera:
-    """Draws N Scouts wherever they are told to be.
+    """Draws N Scouts wherever they are told to be, from the right of a heading [rad]."""
 
-    Args:
-        arena: where they are.
-        num_robots: N.
-        heading: of the way [rad]; the camera stands to its right.
-        width: of an image [pixel].
-        height: likewise.
-    """
-
-    def __init__(
-        self, arena: Arena, num_robots: int, heading: float = 0.0, width: int = 640, height: int = 400
-    ) -> None:
+    def __init__(self, arena: Arena, num_robots: int, heading: float) -> None:
         spec = arena.spec()
-        add_scene(spec, width, height)
+        add_scene(spec, WIDTH, HEIGHT)
         for robot in range(num_robots):
             part = make_scout(ScoutConfig())
             spec.attach(part, prefix=f"robot_{robot}_", frame=spec.worldbody.add_frame())
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._find_addresses(num_robots)
+        self._roots, self._hinges = (
+            [int(self._model.joint(f"robot_{robot}_{name}").qposadr[0]) for robot in range(num_robots)]
+            for name in ("root", "hinge_0")
+        )
         self._renderer = SceneRenderer(
-            self._model, self._data, width, height, VIEW_LENGTH, heading, quality=arena.quality
+            self._model, self._data, WIDTH, HEIGHT, VIEW_LENGTH, heading, quality=arena.quality
         )
         self._renderer.camera.elevation = ELEVATION
-
-    def _find_addresses(self, num_robots: int) -> None:
-        """Find where root, center and hinge of every robot lie in qpos."""
-        model = self._model
-        self._roots, self._hinges = [], []
-        for robot in range(num_robots):
-            joints = [
-                joint for joint in range(model.njnt) if model.joint(joint).name.startswith(f"robot_{robot}_")
-            ]
-            for joint in joints:
-                kind = model.jnt_type[joint]
-                found = self._roots if kind == mujoco.mjtJoint.mjJNT_FREE else self._hinges
-                found.append(int(model.jnt_qposadr[joint]))
 
     def draw(
         self,

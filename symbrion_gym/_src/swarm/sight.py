@@ -20,48 +20,14 @@ _MOST_CELLS = 4_000_000  # Cells are wider where there would be more of them
 _LEAST = 1e-12  # Components of directions are not smaller than this: no division by zero
 
 
-class Sight:
-    """Casts rays; short ones above everything in the cells that they pass are not cast on the surface.
-
-    Args:
-        arena: whose surface is hit.
-        scout: whose chassis, boxes of its size, are hit.
-    """
+class Sight(RayMesh):
+    """Casts rays on the surface of an arena and on the chassis of robots, boxes of the size of a Scout."""
 
     def __init__(self, arena: Arena, scout: ScoutConfig) -> None:
-        self._mesh = RayMesh([arena.surface])
+        super().__init__([arena.surface])
         self._half = np.array(scout.size) / 2
+        self.robot_radius = float(np.linalg.norm(self._half))  # Of a ball about the chassis [m]
         self._low, self._cell, self._top = _find_tops(np.asarray(arena.surface.triangles))
-
-    @property
-    def robot_radius(self) -> float:
-        """Radius of a ball about the chassis [m]."""
-        return float(np.linalg.norm(self._half))
-
-    def cast_short(
-        self,
-        origins: Float[np.ndarray, "R 3"],
-        directions: Float[np.ndarray, "R 3"],
-        max_ranges: Float[np.ndarray, " R"],
-    ) -> Float[np.ndarray, " R"]:
-        """Return the distance of the exact surface along each ray [m]; inf beyond its range.
-
-        Rays above everything in the cells that they pass are not cast.
-        """
-        distances = np.full(len(origins), np.inf)
-        rays = np.flatnonzero(self.may_hit(origins, directions, max_ranges))
-        distances[rays] = self._mesh.cast_fans(origins[rays], directions[rays], np.ones(len(rays), np.int64))
-        distances[distances > max_ranges] = np.inf
-        return distances
-
-    def cast_fans(
-        self,
-        origins: Float[np.ndarray, "F 3"],
-        directions: Float[np.ndarray, "R 3"],
-        counts: Int[np.ndarray, " F"],
-    ) -> Float[np.ndarray, " R"]:
-        """Return the distance of the exact surface along each ray of fans [m]; inf for none."""
-        return self._mesh.cast_fans(origins, directions, counts)
 
     def cast_on_robots(
         self,
@@ -116,14 +82,10 @@ class Sight:
         return is_free
 
     def may_hit(
-        self,
-        origins: Float[np.ndarray, "R 3"],
-        directions: Float[np.ndarray, "R 3"],
-        max_ranges: Float[np.ndarray, " R"],
+        self, origins: Float[np.ndarray, "R 3"], directions: Float[np.ndarray, "R 3"], reach: float
     ) -> Bool[np.ndarray, " R"]:
-        """Return which rays come below the highest surface of a cell that they pass."""
-        num = int(np.ceil(max_ranges.max(initial=0.0) / self._cell)) + 1
-        along = np.linspace(0.0, 1.0, num)[:, None] * max_ranges
+        """Return which rays come below the highest surface of a cell that they pass within reach [m]."""
+        along = np.linspace(0.0, 1.0, int(np.ceil(reach / self._cell)) + 1)[:, None] * reach
         x, y, z = (origins[:, k] + along * directions[:, k] for k in range(3))
         i, j = (
             np.clip(((value - low) / self._cell).astype(np.int64), 0, count - 1)
@@ -147,10 +109,11 @@ def _find_tops(
     low, high = triangles[..., :2].min(axis=(0, 1)), triangles[..., :2].max(axis=(0, 1))
     cell = max(_CELL, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
     low = low - 2 * cell
-    shape = np.ceil((high + 2 * cell - low) / cell).astype(np.int64)
-    top = np.full(tuple(shape), -np.inf)
-    first = np.floor((triangles[..., :2].min(axis=1) - low) / cell).astype(np.int64)
-    last = np.floor((triangles[..., :2].max(axis=1) - low) / cell).astype(np.int64)
+    top = np.full(tuple(np.ceil((high + 2 * cell - low) / cell).astype(np.int64)), -np.inf)
+    first, last = (
+        np.floor((ends - low) / cell).astype(np.int64)
+        for ends in (triangles[..., :2].min(axis=1), triangles[..., :2].max(axis=1))
+    )
     for (i, j), (k, m), z in zip(first, last, triangles[..., 2].max(axis=1), strict=True):
         part = top[i : k + 1, j : m + 1]
         np.maximum(part, z, out=part)

@@ -1,19 +1,21 @@
-"""What every level of physics of a swarm offers: commands in, state out."""
+"""Commands and state of a swarm, the same at every level of physics."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.robot.scout_constants import SIDES
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
-    from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.robot.organism import Docking
-    from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 DECISION = 0.1  # Time between two decisions of a robot [s]: the rate at which the hardware logs its states
+FRONT, BACK, LEFT, RIGHT = range(len(SIDES))
 
 
 class SwarmCommands(NamedTuple):
@@ -28,6 +30,19 @@ class SwarmCommands(NamedTuple):
         """Return the commands of robots that stand still and hold no latch."""
         return cls(np.zeros((num_robots, 2)), np.zeros(num_robots), np.zeros((num_robots, 4), bool))
 
+    def check(self, num_robots: int) -> None:
+        """Refuse commands of another shape, or that are not finite."""
+        for name, shape in (
+            ("tracks", (num_robots, 2)),
+            ("hinge", (num_robots,)),
+            ("latch", (num_robots, 4)),
+        ):
+            values = np.asarray(getattr(self, name))
+            if values.shape != shape or not np.isfinite(values).all():
+                raise OptionError(
+                    f"commands.{name} must be finite, of shape {shape}; got shape {values.shape}"
+                )
+
 
 class SwarmState(NamedTuple):
     """The true state of N robots; robots read of it what their sensors give."""
@@ -35,27 +50,21 @@ class SwarmState(NamedTuple):
     position: Float[np.ndarray, "N 3"]  # centers of the chassis in the arena [m]
     rotation: Float[np.ndarray, "N 3 3"]  # from the frames of the chassis (x ahead, z up) to the arena
     velocity: Float[np.ndarray, "N 3"]  # of the centers in the arena [m/s]
-    spin: Float[np.ndarray, "N 3"]  # rates of rotation in the arena [rad/s]
     hinge: Float[np.ndarray, " N"]  # angles of the hinges [rad]
     # dockings that are latched, sorted by their first ends; `first` is the smaller index
     links: tuple[Docking, ...]
-    load: Float[np.ndarray, "N 4"]  # force through each dock [N]; 0 where nothing is latched
     odometry: Float[np.ndarray, "N 2"]  # distance that each track has run since the reset, left and right [m]
 
+    @property
+    def docked(self) -> Bool[np.ndarray, "N 4"]:
+        """Whether each dock holds another."""
+        return find_docked(self.links, len(self.position))
 
-class SwarmWorld(Protocol):
-    """N robots in an arena at one level of physics."""
 
-    arena: Arena  # where they are
-    scout: ScoutConfig  # constants of the robots
-    num_robots: int  # N
-    time: float  # since the reset [s]
-    state: SwarmState  # as it is now; a new object after every step
-
-    def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
-        """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad]."""
-        ...
-
-    def step(self, commands: SwarmCommands) -> None:
-        """Advance by one decision."""
-        ...
+def find_docked(links: tuple[Docking, ...], num_robots: int) -> Bool[np.ndarray, "N 4"]:
+    """Return whether each dock holds another."""
+    docked = np.zeros((num_robots, len(SIDES)), bool)
+    for link in links:
+        for robot, side in link.ends:
+            docked[robot, SIDES.index(side)] = True
+    return docked

@@ -7,7 +7,7 @@ from evolution._src.champions.docked import DockedChampion
 from evolution._src.errors import RunError
 from evolution._src.search.validation import Champion
 from symbrion_gym._src.swarm.world import SwarmCommands
-from tests.symbrion_gym.swarm.dynamic_cases import make_docked
+from tests.symbrion_gym.swarm.swarm_cases import make_docked
 
 NUM_GENES = 12
 

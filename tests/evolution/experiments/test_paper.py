@@ -12,14 +12,14 @@ import symbrion_gym as sg
 from evolution._src.cli.main import run
 from evolution._src.experiments import paper
 from evolution._src.experiments.paper import (
-    BruteForceCaster,
-    EmbreeCaster,
-    TreeCaster,
     claim_folder,
     compute_ratio,
     cut_sides,
     list_poses,
     lock_folder,
+    make_brute_force_caster,
+    make_embree_caster,
+    make_tree_caster,
     read_result,
     select_frames,
     summarize,
@@ -84,9 +84,9 @@ def test_ratio_of_known_costs() -> None:
 
 def test_all_scan_methods_agree() -> None:
     arena = sg.load_arena("simple")
-    casters = [TreeCaster(arena), BruteForceCaster(arena.surface)]
+    casters = [make_tree_caster(arena), make_brute_force_caster(arena)]
     with contextlib.suppress(ImportError):
-        casters.append(EmbreeCaster(arena.surface))
+        casters.append(make_embree_caster(arena))
     for x in (-2.0, -0.45, 0.03):
         exact, *others = (caster(look_down(x)) for caster in casters)
         assert np.isfinite(exact).sum() > 100
@@ -102,7 +102,7 @@ def test_the_scanner_stands_on_the_course_and_sees_it() -> None:
     poses = list_poses(arena, 7)
     assert np.allclose(poses[:, :3, :3] @ poses[:, :3, :3].transpose(0, 2, 1), np.eye(3))
     assert (poses[:, 2, 0] < -0.3).all()  # the middle beam looks down
-    caster = TreeCaster(arena)
+    caster = make_tree_caster(arena)
     assert all(np.isfinite(caster(pose)).mean() > 0.3 for pose in poses)
 
 

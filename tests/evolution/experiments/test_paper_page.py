@@ -16,7 +16,6 @@ from PIL import Image
 from evolution import report
 from evolution._src.cli.main import run
 from evolution._src.report.figures import encode_png
-from symbrion_gym._src.arenas.course import Course
 
 pytestmark = pytest.mark.slow
 
@@ -93,20 +92,6 @@ def check_scene(page: Any) -> None:
     assert count_changed(seen, look(page)) > 1000  # it turns
 
 
-def test_a_scene_turns_and_switches(browser: Any, tmp_path: Path) -> None:
-    course = Course()
-    scene = report.Scene()
-    scene.add_points("cloud", np.random.default_rng(0).uniform(-1, 1, (3000, 3)), is_shown=False)
-    scene.add_surface("surface", course.surface(), "#aabbcc")
-    scene.add_pieces("pieces", course.pieces(), is_shown=False)
-    scene.add_path("path", np.linspace([-1, 0, 0.6], [1, 0, 0.6], 50)[:, None] + np.zeros((1, 8, 1)))
-    page = report.Page("A scene")
-    page.add_scene(scene, "a scene")
-    page.write(tmp_path / "page.html")
-    with visit(browser, tmp_path / "page.html", DESKTOP) as visited:
-        check_scene(visited)
-
-
 def test_wide_tables_scroll_on_a_phone(browser: Any, tmp_path: Path) -> None:
     page = report.Page("A page with a title that is longer than a phone is wide")
     page.add_table([f"column {i}" for i in range(14)], [[f"{10**i:,}" for i in range(14)]], "a table")
@@ -159,13 +144,6 @@ def test_a_second_call_does_nothing_twice(paper: Path, capsys: pytest.CaptureFix
     assert json.loads(capsys.readouterr().out)["laser_ratio"]["ratio"] > 0
     assert run(["paper", "--out", str(paper)]) == 1
     assert "describes other options" in capsys.readouterr().err
-
-
-def test_what_is_missing_is_made_again(paper: Path) -> None:
-    path = paper / "experiments" / "laser.json"
-    path.unlink()
-    assert run(["paper", "--quick", "--quiet", "--out", str(paper)]) == 0
-    assert path.is_file()
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])

@@ -1,6 +1,7 @@
 """The page of bodies: a card for each of the fittest, which opens."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import made_bodies
 import pytest
@@ -52,7 +53,9 @@ def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
     ev.evolve(made_bodies.make_config(folder=tmp_path / "run"), simulate=simulate)
     ev.confirm(ev.load_bodies(tmp_path / "run"), 20, simulate=simulate)
     run = ev.load_bodies(tmp_path / "run")
-    monkeypatch.setattr("evolution._src.report.body_page._film", lambda *_: b"film")
+    film = SimpleNamespace(frames=[0], fps=5)
+    monkeypatch.setattr("evolution._src.report.body_page.play", lambda *_, **__: film)
+    monkeypatch.setattr("evolution._src.report.body_page.encode_video", lambda *_: b"film")
     make_body_page(run, num_films=2).write(tmp_path / "bodies.html")
     html = (tmp_path / "bodies.html").read_text()
     first, *others = html.split("<details")[1:]

@@ -1,10 +1,13 @@
-"""Triangles in pixels: the nearest is seen, none from behind unless asked for, and no gap between neighbors."""
+"""Triangles in pixels: the nearest is seen, none from behind, no gap between neighbors; what a picture frames."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 import trimesh
 
-from evolution._src.report.raster import find_outlines, make_view, rasterize
+from benchmarks.material.driving_scenes import make_furnished_room, make_terrain
+from evolution._src.report.raster import find_frame, find_outlines, make_view, rasterize
 
 CORNERS = np.asarray(trimesh.creation.box((2, 2, 2)).vertices)
 ABOVE = make_view(CORNERS, 90.0, -90.0, 100)
@@ -59,13 +62,6 @@ def test_neighbors_leave_no_gap() -> None:
         assert len(seen) == 0 or len(seen) == np.ptp(seen) + 1
 
 
-def test_equal_triangles_give_equal_pixels() -> None:
-    triangles = np.random.default_rng(0).uniform(-1, 1, (500, 3, 3))
-    first, second = (rasterize(triangles, ABOVE, is_culled=False) for _ in range(2))
-    assert np.array_equal(first.face, second.face)
-    assert np.array_equal(first.height, second.height)
-
-
 def test_nothing_is_an_empty_picture() -> None:
     assert (rasterize(np.zeros((0, 3, 3)), ABOVE).face == -1).all()
     assert (rasterize(make_square(0.5, 0.0) + 100.0, ABOVE).face == -1).all()
@@ -75,3 +71,28 @@ def test_outlines_are_where_labels_change() -> None:
     labels = np.zeros((3, 4), dtype=np.int64)
     labels[:, 2:] = 1
     assert np.array_equal(np.flatnonzero(find_outlines(labels)), [1, 5, 9])
+
+
+def test_a_scene_without_flaps_is_shown_whole():
+    room = make_furnished_room()
+    np.testing.assert_array_equal(find_frame(room), room.surface.vertices)
+
+
+def test_a_far_flap_is_cut_off():
+    terrain = make_terrain(0, size=4.0)
+    flap = trimesh.Trimesh([[2, 2, 0], [90, 2, 30], [90, 3, 30]], [[0, 1, 2]])
+    arena = dataclasses.replace(terrain, surface=trimesh.util.concatenate([terrain.surface, flap]))
+    frame = find_frame(arena)
+    assert np.ptp(frame, axis=0).max() < 5.0
+    assert len(frame) > len(terrain.surface.vertices) - 10
+
+
+def test_a_short_route_in_a_large_scene_is_framed_closely():
+    terrain = make_terrain(0, size=40.0, spacing=0.5, roughness=0.3)
+    route = terrain.find_route(start=(20.0, 20.0), goal=(22.0, 20.0))
+    frame = find_frame(terrain, route)
+    low, high = frame.min(axis=0), frame.max(axis=0)
+    assert 5.0 < high[0] - low[0] < 8.0
+    for end in (route.start, route.goal):
+        assert (low[:2] <= end[:2]).all()
+        assert (high[:2] >= end[:2]).all()

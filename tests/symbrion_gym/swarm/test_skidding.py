@@ -2,74 +2,72 @@
 
 import numpy as np
 import pytest
+from swarm_cases import make_world
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
+from symbrion_gym._src.robot.scout_constants import ARM_RADIUS
 from symbrion_gym._src.robot.tracks import compute_skid_motion
+from symbrion_gym._src.swarm.docks import SCOUT
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
-from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
-from symbrion_gym._src.swarm.kinematic.skidding import balance, find_skids, find_track_points, interpolate
+from symbrion_gym._src.swarm.kinematic.skidding import TRACK_POINTS, balance, skid
 from symbrion_gym._src.swarm.world import SwarmCommands
 
-SCOUT = ScoutConfig()
-END, SIDE = 0.0325, 0.0325
-SLOPE = 12.0
+END, SIDE, SLOPE = 0.0325, 0.0325, 12.0
+FRICTION = SCOUT.friction
 
 
 def test_arm_up_on_level_ground_turns_as_four_corners_do() -> None:
-    found = balance(np.zeros(1), np.zeros((1, 2)), SCOUT)[0]
+    found = balance(np.zeros(1), np.zeros((1, 2)), FRICTION)[0]
     np.testing.assert_allclose(found, [0.0, 0.0, SIDE / (END**2 + SIDE**2)], atol=1e-6)
 
 
 def test_level_arm_on_level_ground_turns_about_a_place_ahead() -> None:
-    assert np.ptp(find_track_points(SCOUT)[:, 0]) / 2 == pytest.approx(END)
+    assert np.ptp(TRACK_POINTS[:, 0]) / 2 == pytest.approx(END)
     share = SCOUT.arm_mass / (SCOUT.arm_mass + SCOUT.chassis_mass)
     front = 0.5 + share * (SCOUT.arm_reach - ARM_RADIUS) / (2 * END)
     expected = compute_skid_motion(
         -1.0, 1.0, np.array([END, -END]), 2 * SIDE, 1e-6, np.array([front, 1 - front])
     )
     np.testing.assert_allclose(
-        balance(np.ones(1), np.zeros((1, 2)), SCOUT)[0], expected, rtol=1e-3, atol=1e-9
+        balance(np.ones(1), np.zeros((1, 2)), FRICTION)[0], expected, rtol=1e-3, atol=1e-9
     )
 
 
 def test_friction_balances_gravity_on_a_slope() -> None:
     pull = np.tan(np.deg2rad(SLOPE)) * np.array([0.6, 0.8])
-    ahead, left, turn = balance(np.zeros(1), pull[None], SCOUT)[0]
+    ahead, left, turn = balance(np.zeros(1), pull[None], FRICTION)[0]
     x, y = END * np.array([1, -1, 1, -1]), SIDE * np.array([1, 1, -1, -1])
     slip = np.stack([ahead - turn * y + np.sign(y), left + turn * x])
     arm = SCOUT.arm_mass / (SCOUT.arm_mass + SCOUT.chassis_mass) * (SCOUT.arm_reach - ARM_RADIUS)
     lean = (SCOUT.size[2] / 2 + arm) * pull / END
     loads = (1 + np.sign(x) * lean[0]) * (1 + np.sign(y) * lean[1]) / 4
-    friction = -SCOUT.friction * loads * slip / np.hypot(np.linalg.norm(slip, axis=0), 0.01)
+    friction = -FRICTION * loads * slip / np.hypot(np.linalg.norm(slip, axis=0), 0.01)
     np.testing.assert_allclose(friction.sum(axis=1), -pull, atol=1e-6)
     assert (x * friction[1] - y * friction[0]).sum() == pytest.approx(0.0, abs=1e-8)
 
 
 def test_turns_slide_downhill_and_mirror() -> None:
-    skids, reach = find_skids(SCOUT), np.array([1.0, 1.0])
+    reach = np.ones(2)
     pulls = np.array([[0.1, 0.15], [0.1, -0.15]])
-    one, other = interpolate(skids, reach, pulls, np.array([0.1, -0.1]))
+    one, other = skid(reach, pulls, np.array([0.1, -0.1]), FRICTION)
     np.testing.assert_allclose(one, other * [1.0, -1.0, -1.0], rtol=1e-12)
-    level = interpolate(skids, reach, np.zeros((2, 2)), np.array([0.1, -0.1]))[0]
+    level = skid(reach, np.zeros((2, 2)), np.array([0.1, -0.1]), FRICTION)[0]
     assert (one - level)[:2] @ pulls[0] > 0.0
 
 
 def test_between_the_rows_of_the_table_the_balance_is_near() -> None:
     rng = np.random.default_rng(0)
     reach, pulls = rng.uniform(0.0, 1.0, 50), rng.uniform(-0.15, 0.15, (50, 2))
-    found = interpolate(find_skids(SCOUT), reach, pulls, np.full(50, 0.1))
-    off = np.abs(found - 0.05 * balance(reach, pulls, SCOUT))
+    found = skid(reach, pulls, np.full(50, 0.1), FRICTION)
+    off = np.abs(found - 0.05 * balance(reach, pulls, FRICTION))
     assert np.median(off[:, 2]) < 0.02
     assert off[:, :2].max() < 0.01
 
 
 def test_straight_ways_do_not_slide_and_beyond_friction_nothing_changes() -> None:
-    skids = find_skids(SCOUT)
-    assert not interpolate(skids, np.ones(1), np.array([[0.0, 0.3]]), np.zeros(1)).any()
-    steep = interpolate(skids, np.ones(2), np.array([[0.0, 0.63], [0.0, 2.0]]), np.full(2, 0.1))
+    assert not skid(np.ones(1), np.array([[0.0, 0.3]]), np.zeros(1), FRICTION).any()
+    steep = skid(np.ones(2), np.array([[0.0, 0.63], [0.0, 2.0]]), np.full(2, 0.1), FRICTION)
     assert np.isfinite(steep).all()
     np.testing.assert_allclose(steep[0], steep[1], rtol=1e-9)
 
@@ -77,12 +75,11 @@ def test_straight_ways_do_not_slide_and_beyond_friction_nothing_changes() -> Non
 def test_both_levels_of_physics_slide_alike_on_a_ramp() -> None:
     course = Course(height=2.0 * np.tan(np.deg2rad(SLOPE)), ramp=2.0)
     arena = Arena.from_course(course)
-    worlds = KinematicWorld(arena, 1, config=KinematicConfig(slip=0.0)), DynamicWorld(arena, 1)
     turn = SwarmCommands(np.array([[-0.05, 0.05]]), np.zeros(1), np.zeros((1, 4), bool))
     start = np.array([-course.pit / 2 - course.plateau - 1.0, 0.0, 0.0])
-    ways = []
+    worlds, ways = (make_world(start, arena), DynamicWorld(arena, 1)), []
+    worlds[1].reset(start[None])
     for world in worlds:
-        world.reset(start[None])
         for _ in range(40):
             world.step(turn)
         ways.append(world.state.position[0, :2] - start[:2])

@@ -34,7 +34,7 @@ class Paper(SeededCommand):
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion paper`", "scan", "report")
         from evolution._src.experiments.paper import claim_folder, lock_folder, run_experiments, write_json
-        from evolution._src.experiments.paper_page import PaperPage
+        from evolution._src.experiments.paper_page import write_paper_page
 
         report = self.out / "report.html"
         claim_folder(self.out, {"quick": self.quick, "seed": self.seed})
@@ -42,7 +42,7 @@ class Paper(SeededCommand):
             results = run_experiments(self.out, self.quick, self.seed, console.track, self.workers)
             write_json(self.out / "results.json", results)
             with console.track("figures and page"):
-                PaperPage(self.out, self.quick, self.seed, results).write(report)
+                write_paper_page(self.out, self.quick, self.seed, results)
         console.print_line(f"report: {report.resolve()}")
         return {"report": report, "results": self.out / "results.json", **_summarize(results)}
 

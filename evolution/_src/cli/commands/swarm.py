@@ -46,28 +46,21 @@ class Swarm(SeededCommand, TrustingCommand):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion swarm`", "report")
-        from evolution._src.experiments.swarm.run import run_swarm
-        from evolution._src.experiments.swarm.story import StoryConfig, SwarmRunConfig
+        from evolution._src.experiments.swarm.run import SwarmRunConfig, run_swarm
+        from evolution._src.experiments.swarm.story import StoryConfig
 
         try:
             story = StoryConfig(arena=self.arena, seed=self.seed, num_robots=self.robots)
         except RunError as error:
             raise UsageError(str(error)) from error
-        config = SwarmRunConfig(
-            self.out,
-            story,
-            0,
-            self.champion,
-            workers=self.workers,
-            allow=self.allow_code,
-        )
-        result = run_swarm(config, console.track)
-        self._show(result.track, result.rows[0], console)
+        config = SwarmRunConfig(self.out, story, self.champion, self.workers, self.allow_code)
+        track, stories = run_swarm(config, console.track)
+        self._show(track, stories[0], console)
         rows = [
             [row["seed"], "yes" if row["docks"] else "no", "yes" if row["success"] else "no",
              "-" if row["gathered"] is None else row["gathered"], "-" if row["crossed"] is None else row["crossed"],
              row["recoveries"], row["across"], row["reason"]]
-            for row in result.rows
+            for row in stories
         ]  # fmt: skip
         columns = [
             "seed",
@@ -80,17 +73,9 @@ class Swarm(SeededCommand, TrustingCommand):
             "why not",
         ]
         console.show_table(f"Stories of {self.robots} robots in {self.arena}", columns, rows)
-        docking, alone = result.count(True), result.count(False)
-        console.print_line(
-            f"{docking[0]} of {docking[1]} swarms are across; without docking {alone[0]} of {alone[1]}; {self.out}"
-        )
-        return {
-            "folder": self.out,
-            "successes": docking[0],
-            "trials": docking[1],
-            "successes_without_docking": alone[0],
-            "stories": result.rows,
-        }
+        outcome = "is across" if stories[0]["success"] else "is not across"
+        console.print_line(f"The swarm {outcome}; {self.out}")
+        return {"folder": self.out, "success": stories[0]["success"], "stories": stories}
 
     def _show(self, track: Any, row: dict[str, Any], console: Console) -> None:
         """Write timeline and film of the first story."""

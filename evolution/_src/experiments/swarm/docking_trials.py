@@ -1,8 +1,11 @@
-"""Docking trials of pairs of robots, as on the hardware."""
+"""Docking trials of pairs of robots, as on the hardware.
+
+The coordinates of the hardware's start positions are not known: `DISTANCES` were fitted to the times of trials without
+recoveries. The other conditions of the start are estimates.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from math import radians
 from typing import NamedTuple
 
@@ -13,16 +16,24 @@ from reconstruction._src.base.progress import Progress, silent
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.robot.organism import snake
-from symbrion_gym._src.swarm.behavior.hearing import HearingConfig
 from symbrion_gym._src.swarm.behavior.machine import BehavingSwarm, Machine
 from symbrion_gym._src.swarm.behavior.memory import Memory, Mode, make_plan, make_ticket
 from symbrion_gym._src.swarm.behavior.sensing import make_scout
-from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.world import DECISION
 
+DISTANCES = (1.15, 0.88, 0.62)
+"""From the recruiter's dock to the center of the other robot, positions 1 to 3 [m]."""
+SIDES = (radians(10), 0.0, radians(-10))
+"""Of positions 1 to 3, left, middle and right, from the axis of the dock [rad]."""
+HEADINGS = (radians(45), radians(135), radians(-45), radians(-135))
+"""Of positions 4 (as 2) and 5 (as 3), off the direction to the dock, in turn [rad]."""
+SPREAD = (0.01, 0.05)  # Standard deviations of start position [m] and heading [rad]
+DURATION = 240.0
+"""A trial that takes longer has failed [s]; the longest of the robots took 242 s in all."""
 APART = 5.0  # Distance between pairs, which all run at once [m]: farther than a beacon is heard
 CHECK_EVERY = 10  # Decisions between two looks at who has locked
+DOCK = 0.0525  # From the center of a robot to its back dock [m]
 
 
 class DockingTimes(NamedTuple):
@@ -34,46 +45,25 @@ class DockingTimes(NamedTuple):
     recoveries: Int[np.ndarray, " T"]  # failed attempts
 
 
-@dataclass(frozen=True)
-class TrialSetup:
-    """Start conditions and parameters of the trials.
-
-    The coordinates of the hardware's start positions are not known: `distances` were fitted to the times of trials
-    without recoveries. `sides` and the small errors of the start are estimates.
-    """
-
-    # from the recruiter's dock to the center of the other robot, positions 1 to 3 [m]
-    distances: tuple[float, float, float] = (1.15, 0.88, 0.62)
-    # of positions 1 to 3, left, middle and right, from the axis of the dock [rad]
-    sides: tuple[float, float, float] = (radians(10), 0.0, radians(-10))
-    # of positions 4 (as 2) and 5 (as 3), off the direction to the dock, in turn [rad]
-    headings: tuple[float, ...] = (radians(45), radians(135), radians(-45), radians(-135))
-    spread: tuple[float, float] = (0.01, 0.05)  # standard deviations of start position [m] and heading [rad]
-    # a trial that takes longer has failed [s]; the longest of the robots took 242 s in all
-    duration: float = 240.0
-    weights: BehaviorWeights = field(default_factory=BehaviorWeights)  # of the behaviors
-    hearing: HearingConfig = field(default_factory=HearingConfig)  # how well robots hear
-
-
 def run_docking_trials(
-    positions: Int[np.ndarray, " T"],
-    setup: TrialSetup | None = None,
-    seed: int = 0,
-    progress: Progress = silent,
+    positions: Int[np.ndarray, " T"], seed: int = 0, noise: float = 1.0, progress: Progress = silent
 ) -> DockingTimes:
-    """Run trials from start positions, all at once and out of each other's hearing, on level ground."""
-    setup, count = setup or TrialSetup(), len(positions)
-    world = KinematicWorld(_make_floor(count), 2 * count, make_scout())
-    world.reset(_place(positions, setup, np.random.default_rng((seed, 5))), seed)
-    machine = Machine(make_plan(snake(2)), 2 * count, setup.weights)
-    swarm = BehavingSwarm(world, machine, setup.hearing, seed, _begin(count))
-    seconds = np.full(count, np.nan)
-    recoveries = np.zeros(count, np.int64)
-    steps = round(setup.duration / DECISION)
+    """Run trials from start positions, all at once and out of each other's hearing, on level ground.
+
+    `noise` is a factor on the errors of what robots sense and hear.
+    """
+    count = len(positions)
+    rows = int(np.ceil(np.sqrt(count)))
+    floor = Course(pit=0.0, floor=APART * (rows + 1), width=APART * (rows + 1))
+    world = KinematicWorld(Arena.from_course(floor, "floor"), 2 * count, make_scout())
+    world.reset(_place(positions, rows, np.random.default_rng((seed, 5))), seed)
+    machine = Machine(make_plan(snake(2)), 2 * count)
+    swarm = BehavingSwarm(world, machine, noise, seed, _begin(count))
+    seconds, recoveries = np.full(count, np.nan), np.zeros(count, np.int64)
+    steps = round(DURATION / DECISION)
     for step in range(steps):
         swarm.step()
-        mode = swarm.memory.mode[1::2]
-        is_new = np.isnan(seconds) & (mode == Mode.LOCK)
+        is_new = np.isnan(seconds) & (swarm.memory.mode[1::2] == Mode.LOCK)
         seconds = np.where(is_new, world.time, seconds)
         recoveries = np.where(np.isnan(seconds) | is_new, swarm.memory.recoveries[1::2], recoveries)
         if step % CHECK_EVERY == 0:
@@ -83,41 +73,28 @@ def run_docking_trials(
     return DockingTimes(np.asarray(positions), ~np.isnan(seconds), seconds, recoveries)
 
 
-def _make_floor(count: int) -> Arena:
-    """Return level ground for so many pairs."""
-    rows = int(np.ceil(np.sqrt(count)))
-    course = Course(pit=0.0, floor=APART * (rows + 1), width=APART * (rows + 1))
-    return Arena.from_course(course, "floor")
-
-
-def _place(
-    positions: Int[np.ndarray, " T"], setup: TrialSetup, rng: np.random.Generator
-) -> Float[np.ndarray, "M 3"]:
+def _place(positions: Int[np.ndarray, " T"], rows: int, rng: np.random.Generator) -> Float[np.ndarray, "M 3"]:
     """Return poses of recruiters (even rows) and of the robots that come (odd rows)."""
     count = len(positions)
-    rows = int(np.ceil(np.sqrt(count)))
-    foot = Course(pit=0.0).ramp_feet[0]
     grid = np.stack(np.divmod(np.arange(count), rows), axis=-1) * APART
-    dock = np.stack([foot - APART - grid[:, 0], grid[:, 1] - APART * (rows - 1) / 2], axis=-1)
+    first = Course(pit=0.0).ramp_feet[0] - APART
+    recruiter = np.stack([first - grid[:, 0], grid[:, 1] - APART * (rows - 1) / 2], axis=-1)
     like = np.where(positions > 3, positions - 2, positions) - 1
-    distance, side = np.array(setup.distances)[like], np.array(setup.sides)[like]
-    turn = np.where(positions > 3, np.resize(setup.headings, count), 0.0)
-    poses = np.zeros((2 * count, 3))
-    poses[::2, :2] = dock
-    noise = rng.standard_normal((count, 3))
+    distance, side = np.array(DISTANCES)[like], np.array(SIDES)[like]
+    turn = np.where(positions > 3, np.resize(HEADINGS, count), 0.0)
+    poses, noise = np.zeros((2 * count, 3)), rng.standard_normal((count, 3))
     way = np.stack([-np.cos(side), np.sin(side)], axis=-1)
-    back = np.array([0.0525, 0.0])
-    poses[1::2, :2] = dock - back + distance[:, None] * way + setup.spread[0] * noise[:, :2]
-    poses[1::2, 2] = -side + turn + setup.spread[1] * noise[:, 2]
+    poses[::2, :2] = recruiter
+    poses[1::2, :2] = recruiter - [DOCK, 0.0] + distance[:, None] * way + SPREAD[0] * noise[:, :2]
+    poses[1::2, 2] = -side + turn + SPREAD[1] * noise[:, 2]
     return poses
 
 
 def _begin(count: int) -> Memory:
     """Return the memory of pairs: one recruits and has accepted the other."""
     numbers = np.arange(2 * count)
-    memory = Memory.begin(2 * count)
     even = numbers % 2 == 0
-    memory = memory.start(even, Mode.RECRUIT, role=0, leader=numbers[even], roles=1)
-    accepted = np.where(even, make_ticket(np.ones_like(numbers), numbers + 1), 0)
+    memory = Memory.begin(2 * count).start(even, Mode.RECRUIT, role=0, leader=numbers[even], roles=1)
     memory = memory.start(~even, Mode.LOCATE_BEACON)
+    accepted = np.where(even, make_ticket(np.ones_like(numbers), numbers + 1), 0)
     return memory._replace(ticket=accepted, unseen=np.zeros(2 * count), silent=np.zeros(2 * count))

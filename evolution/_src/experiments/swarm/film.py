@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import UInt8
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
+from evolution._src.report.video import encode_video
 from reconstruction._src.base.progress import Progress, silent
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.swarm.behavior.machine import Track
@@ -16,36 +17,10 @@ from symbrion_gym._src.swarm.behavior.memory import Mode
 from symbrion_gym._src.swarm.film import SwarmCamera
 from symbrion_gym._src.swarm.placing import Field
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from symbrion_gym._src.swarm.placing import Field
-
 logger = logging.getLogger(__name__)
 FPS = 20  # Frames a second
 SPEEDS = (20.0, 5.0)
 """How many times faster than the robots the film runs, while they gather, and from then on."""
-
-
-def film_story(
-    track: Track,
-    arena: Arena,
-    field: Field,
-    crossing: tuple[float, float] | None,
-    progress: Progress = silent,
-) -> list[UInt8[np.ndarray, "H W 3"]]:
-    """Return the frames of a story."""
-    camera = SwarmCamera(arena, track.position.shape[1], field.route.heading)
-    moments = choose_moments(track, crossing)
-    frames = []
-    for number, index in enumerate(moments):
-        # The camera follows in the time of the film.
-        time = number / FPS
-        frames.append(camera.draw(track.position[index], track.rotation[index], track.hinge[index], time))
-        if number % FPS == 0:
-            progress("film", number / len(moments))
-    camera.close()
-    return frames
 
 
 def encode_film(
@@ -56,10 +31,16 @@ def encode_film(
     progress: Progress = silent,
 ) -> bytes | None:
     """Return the film of a story as MP4; None, and a warning, where OpenGL cannot be used."""
-    from evolution._src.report.video import encode_video
-
+    moments, frames = choose_moments(track, crossing), []
     try:
-        frames = film_story(track, arena, field, crossing, progress)
+        camera = SwarmCamera(arena, track.position.shape[1], field.route.heading)
+        for number, index in enumerate(moments):
+            # The camera follows in the time of the film.
+            where = track.position[index], track.rotation[index], track.hinge[index]
+            frames.append(camera.draw(*where, number / FPS))
+            if number % FPS == 0:
+                progress("film", number / len(moments))
+        camera.close()
     except Exception as error:  # whatever a graphics driver raises
         logger.warning("no video: OpenGL cannot be used here (%s: %s)", type(error).__name__, error)
         return None
@@ -94,14 +75,15 @@ COLORS = {
 
 def draw_timeline(track: Track, field: Field, crossing: tuple[float, float] | None = None) -> Figure:
     """Draw the behavior of every robot over time, and below where all are along the way."""
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Patch
-
     figure = Figure(figsize=(10, 6.5), layout="constrained")
     bars, ways = figure.subplots(2, 1, sharex=True, height_ratios=(2, 3))
     num_robots = track.mode.shape[1]
-    for robot in range(num_robots):
-        _draw_bar(bars, track, robot)
+    for robot, mode in enumerate(track.mode.T):
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(mode)) + 1, [len(mode) - 1]])
+        spans = [(track.time[one], track.time[other] - track.time[one]) for one, other in pairwise(starts)]
+        bars.broken_barh(
+            spans, (robot - 0.4, 0.8), facecolors=[COLORS[Mode(mode[one])] for one in starts[:-1]]
+        )
     bars.set_yticks(range(num_robots), [f"robot {robot}" for robot in range(num_robots)])
     bars.invert_yaxis()
     shown = [mode for mode in Mode if (track.mode == mode).any()]
@@ -117,11 +99,3 @@ def draw_timeline(track: Track, field: Field, crossing: tuple[float, float] | No
     ways.set_xlabel("time [s]")
     ways.set_ylabel("place along the way [m]")
     return figure
-
-
-def _draw_bar(axes: object, track: Track, robot: int) -> None:
-    mode = track.mode[:, robot]
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(mode)) + 1, [len(mode) - 1]])
-    spans = [(track.time[one], track.time[other] - track.time[one]) for one, other in pairwise(starts)]
-    colors = [COLORS[Mode(mode[one])] for one in starts[:-1]]
-    axes.broken_barh(spans, (robot - 0.4, 0.8), facecolors=colors)  # pyright: ignore[reportAttributeAccessIssue]

@@ -1,9 +1,10 @@
-"""The whole experiment: a champion, the story and its film, further trials, and a swarm that may not dock."""
+"""The whole experiment: a champion, the story of a swarm, and a swarm that may not dock beside."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,9 @@ import numpy as np
 import evolution as ev
 import symbrion_gym as sg
 from evolution._src.experiments.demo import Track as Steps
-from evolution._src.experiments.demo import find_run_champion, refuse_foreign_files
-from evolution._src.experiments.swarm.story import (
-    BASELINE_TIME,
-    Story,
-    StoryConfig,
-    SwarmRunConfig,
-    tell_story,
-)
-from evolution._src.search.run import load_champion
+from evolution._src.experiments.demo import refuse_foreign_files
+from evolution._src.experiments.swarm.story import StoryConfig, tell_story
+from evolution._src.search.run import RunFolder, load_champion
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.progress import Progress
@@ -27,59 +22,61 @@ from reconstruction._src.base.typed_json import JsonError, read_json
 from symbrion_gym._src.swarm.behavior.machine import Track
 
 MARKER = "swarm.json"  # The file that the command writes first; it holds what the other files were made with
-OUTPUTS = ("run", "stories.json", "track.npz", "timeline.png", "film.mp4", "results.json")
+RESULTS = "results.json"
+OUTPUTS = ("run", "track.npz", "timeline.png", "film.mp4", RESULTS)
+BASELINE_TIME = 300.0  # A swarm that may not dock explores for so long [s]
+GENERATIONS = 30  # Limit of the evolution of a champion
 
 
-@dataclass
-class SwarmResult:
-    """What the stories came to."""
+@dataclass(frozen=True)
+class SwarmRunConfig:
+    """Configuration of `run_swarm`."""
 
-    track: Track  # of the first story
-    rows: list[dict[str, Any]]  # figures of all stories, docking ones first
+    folder: Path  # output folder
+    story: StoryConfig  # what is told
+    champion: Path | None = (
+        None  # of a run or file of a champion that crosses; None to evolve one in the arena
+    )
+    workers: int = 1  # threads of its evolution; the results do not depend on their number
+    allow: tuple[str, ...] = ()  # modules of yours that the champion names and that may be imported
 
-    def count(self, docks: bool) -> tuple[int, int]:
-        """Return successes and number of the stories with or without docking."""
-        chosen = [row for row in self.rows if row["docks"] == docks]
-        return sum(row["success"] for row in chosen), len(chosen)
 
+def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[str, Any]]]:
+    """Tell the story, and that of a swarm that may not dock; what an earlier run has told is read from the folder.
 
-def run_swarm(config: SwarmRunConfig, track: Steps) -> SwarmResult:
-    """Run all stories; those that an earlier run has told are read from the folder."""
+    Returns:
+        The track of the story, and the figures of both.
+    """
     claim_folder(config)
-    arena = sg.load_arena(config.story.arena)
-    rows = _read_rows(config)
-    wanted = list_stories(config)
-    with track("1/3 champion") as step:
+    arena, results, path = (
+        sg.load_arena(config.story.arena),
+        _read_results(config),
+        config.folder / "track.npz",
+    )
+    with steps("1/3 champion") as step:
         champion = find_champion(config, step.progress)
-    for title, docks in (("2/3 stories", True), ("3/3 a swarm that may not dock", False)):
-        chosen = [story for story in wanted if story.docks == docks]
-        with track(title) as step:
-            for index, story in enumerate(chosen):
-                key = _name(story)
-                if key in rows and (config.folder / "track.npz").exists():
-                    continue
-                told = tell_story(story, arena, champion, _share(step.progress, index, len(chosen)))
-                if docks and index == 0:
-                    save_track(config, told)
-                rows[key] = told.as_dict()
-                _write(config, "stories.json", rows)
-    result = SwarmResult(_load_track(config), [rows[_name(story)] for story in wanted])
-    _write(config, "results.json", _summarize(result))
-    return result
-
-
-def list_stories(config: SwarmRunConfig) -> list[StoryConfig]:
-    """Return the story, its trials with other seeds, and as many where robots may not dock."""
-    seeds = [config.story.seed + index for index in range(config.trials + 1)]
-    docking = [replace(config.story, seed=seed) for seed in seeds]
-    return docking + [replace(each, docks=False, gather_time=BASELINE_TIME) for each in docking]
+    baseline = replace(config.story, docks=False, gather_time=BASELINE_TIME)
+    for name, story in (("2/3 story", config.story), ("3/3 a swarm that may not dock", baseline)):
+        with steps(name) as step:
+            if len(results) > (not story.docks) and path.exists():
+                continue
+            figures, track = tell_story(story, arena, champion, step.progress)
+            if story.docks:
+                with write_atomically(path) as beside, beside.open("wb") as file:
+                    np.savez_compressed(file, **track._asdict())
+            results = [*results[: not story.docks], figures]
+            _write(config, RESULTS, results)
+    arrays = read_npz(path)
+    if set(arrays) != set(Track._fields):
+        raise ev.RunError(f"{path} is no track of a swarm; remove it to tell the story again")
+    return Track(**arrays), results
 
 
 def claim_folder(config: SwarmRunConfig) -> None:
     """Write the marker, or refuse a folder that holds something else."""
     refuse_foreign_files(config.folder, MARKER, OUTPUTS)
     marker = config.folder / MARKER
-    about = {**config.story.describe(), "champion": None if config.champion is None else str(config.champion)}
+    about = {**asdict(config.story), "champion": None if config.champion is None else str(config.champion)}
     try:
         known = read_json(marker) if marker.is_file() else None
     except JsonError as error:
@@ -94,66 +91,41 @@ def claim_folder(config: SwarmRunConfig) -> None:
 
 def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
     """Return the champion that crosses: a given one, or one that evolves in the arena; its run can be resumed."""
-    count = config.story.num_robots
+    story, folder = config.story, config.folder / "run"
     if config.champion is not None:
         champion = load_champion(config.champion).restore(config.allow)
-        if champion.find_organism() != sg.snake(count):
+        if champion.find_organism() != sg.snake(story.num_robots):
             raise ev.RunError(
-                f"the champion {config.champion} is no snake of {count} modules; give --robots as its body has, or "
-                "another champion"
+                f"the champion {config.champion} is no snake of {story.num_robots} modules; give --robots as its body "
+                "has, or another champion"
             )
         return champion
-    story = config.story
-    return find_run_champion(
-        config.folder / "run", story.arena, count, story.seed, config.generations, config.workers, progress
-    )
+    if RunFolder(folder).has_run():
+        run = ev.resume(str(folder), progress=progress, workers=config.workers)
+    else:
+        search = ev.EvolutionConfig(
+            arena=story.arena,
+            modules=story.num_robots,
+            seed=story.seed,
+            generations=GENERATIONS,
+            workers=config.workers,
+            folder=str(folder),
+        )
+        run = ev.evolve(search, progress=progress)
+    if run.champion is None:
+        raise ev.RunError(f"no champion after {GENERATIONS} generations; give one with --champion")
+    return run.champion
 
 
-def save_track(config: SwarmRunConfig, story: Story) -> None:
-    """Write where the robots were, and what they did, as arrays."""
-    with write_atomically(config.folder / "track.npz") as beside, beside.open("wb") as file:
-        np.savez_compressed(file, **story.track._asdict())
-
-
-def _load_track(config: SwarmRunConfig) -> Track:
-    path = config.folder / "track.npz"
-    arrays = read_npz(path)
+def _read_results(config: SwarmRunConfig) -> list[dict[str, Any]]:
+    path = config.folder / RESULTS
     try:
-        return Track(*(arrays[name] for name in Track._fields))
-    except KeyError as error:
-        raise ev.RunError(
-            f"{path} is no track of a swarm ({error}); remove it to tell the story again"
-        ) from error
-
-
-def _share(progress: Progress, index: int, count: int) -> Progress:
-    return lambda what, share: progress(f"{what}, story {index + 1} of {count}", (index + share) / count)
-
-
-def _name(story: StoryConfig) -> str:
-    return f"{story.seed}{'' if story.docks else ' without docking'}"
-
-
-def _read_rows(config: SwarmRunConfig) -> dict[str, dict[str, Any]]:
-    path = config.folder / "stories.json"
-    try:
-        found = read_json(path) if path.is_file() else {}
+        found = read_json(path) if path.is_file() else []
     except JsonError as error:
         raise ev.RunError(f"{path} is damaged ({error}); remove it to tell the stories again") from error
-    if not isinstance(found, dict):
+    if not isinstance(found, list):
         raise ev.RunError(f"{path} holds no stories; remove it to tell them again")
     return found
-
-
-def _summarize(result: SwarmResult) -> dict[str, Any]:
-    docking, alone = result.count(True), result.count(False)
-    return {
-        "successes": docking[0],
-        "trials": docking[1],
-        "successes_without_docking": alone[0],
-        "trials_without_docking": alone[1],
-        "stories": result.rows,
-    }
 
 
 def _write(config: SwarmRunConfig, name: str, content: object) -> None:

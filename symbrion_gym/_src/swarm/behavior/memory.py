@@ -1,4 +1,4 @@
-"""What robots remember from one decision to the next, and the names of what they do."""
+"""What robots of a swarm sense, say and remember, and the plan that they follow: all data of the behaviors."""
 
 from __future__ import annotations
 
@@ -6,18 +6,89 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.swarm.behavior.percepts import FRONT, NOBODY
-from symbrion_gym._src.swarm.behavior.steering import HALF_GAUGE, SLIP, wrap
+from symbrion_gym._src.robot.scout_constants import SIDES
+from symbrion_gym._src.swarm.world import FRONT
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Bool, Float, Int
 
-    from symbrion_gym._src.swarm.behavior.percepts import Heard
+NOBODY = -1  # In place of the number of a robot, or of a place in the plan
+MOST_ROLES = 60  # Places of a plan: robots keep a bit for each
+STAY, PART, DISSOLVE = range(3)
+"""What an organism is told: nothing, to part after its task, to part as the attempt has failed."""
+_TICKET = 4096  # More than there are robots in a swarm
+
+
+class Words(NamedTuple):
+    """What N robots broadcast over infrared, by the dock where that differs, in the order of `SIDES`."""
+
+    is_beacon: Bool[np.ndarray, "N 4"]  # whether a dock guides: it is free, and wants a robot there
+    is_guide: Bool[np.ndarray, "N 4"]  # whether it calls robots to its organism, which wants them elsewhere
+    role: Int[np.ndarray, "N 4"]  # place in the plan that the robot shall take; NOBODY where a dock is silent
+    accepts: Int[np.ndarray, " N"]  # number of the robot that may come; NOBODY for any that asks
+    leader: Int[np.ndarray, " N"]  # number of the seed of the organism; NOBODY of robots on their own
+    asker: Int[np.ndarray, " N"]  # number of a robot that asks to be accepted; NOBODY where it does not
+    size: Int[np.ndarray, " N"]  # robots that the organism has
+
+    @classmethod
+    def make_silent(cls, num_robots: int) -> Words:
+        """Return the words of robots that say nothing."""
+        no, nobody = np.zeros((num_robots, len(SIDES)), bool), np.full(num_robots, NOBODY)
+        role = np.full((num_robots, len(SIDES)), NOBODY)
+        return cls(no, no, role, nobody, nobody, nobody, np.zeros(num_robots, int))
+
+
+class Heard(NamedTuple):
+    """The nearest broadcast of one kind that each of N robots receives."""
+
+    is_heard: Bool[np.ndarray, " N"]  # whether there is one
+    # from the receiver's dock to the sender's, estimated from the strength [m]
+    distance: Float[np.ndarray, " N"]
+    bearing: Float[np.ndarray, " N"]  # direction to the sender in the frame of the receiver [rad]
+    # direction from the sender's dock to the receiver, against the axis of that dock [rad]
+    departure: Float[np.ndarray, " N"]
+    sender_side: Int[np.ndarray, " N"]  # dock that sends, its place in `SIDES`
+    role: Int[np.ndarray, " N"]  # likewise `accepts`, `leader`, `asker`, `size`, as in `Words`
+    accepts: Int[np.ndarray, " N"]
+    leader: Int[np.ndarray, " N"]
+    asker: Int[np.ndarray, " N"]
+    size: Int[np.ndarray, " N"]
+
+    @classmethod
+    def make_nothing(cls, num_robots: int) -> Heard:
+        """Return what robots hear where all is silent."""
+        no, nobody = np.zeros(num_robots, bool), np.full(num_robots, NOBODY)
+        zero, whole = np.zeros(num_robots), np.zeros(num_robots, int)
+        return cls(no, zero, zero, zero, whole, nobody, nobody, nobody, nobody, whole)
+
+
+class Wired(NamedTuple):
+    """What robots tell their neighbors in an organism, `[N]`, or hear at each dock, `[N, 4]`: 0 where it is free."""
+
+    roles: Int[np.ndarray, " *S"]  # bit k is set where a robot is known to have place k of the plan
+    ticket: Int[np.ndarray, " *S"]  # whom the organism accepts: its last word wins, as it counts up
+    leader: Int[np.ndarray, " *S"]  # number of the seed, plus 1
+    goes: Int[np.ndarray, " *S"]  # what the organism is told: `STAY`, `PART` or `DISSOLVE`
+
+
+class Percepts(NamedTuple):
+    """What N robots sense at one decision."""
+
+    # distances of the two infrared units of each side [m]; the range where nothing is near
+    proximity: Float[np.ndarray, "N 8"]
+    # how far the ground ahead lies below that under the robot [m]; infinity where there is none
+    drop: Float[np.ndarray, " N"]
+    pitch: Float[np.ndarray, " N"]  # nose up is positive [rad]
+    roll: Float[np.ndarray, " N"]  # left side up is positive [rad]
+    odometry: Float[np.ndarray, "N 2"]  # distance that each track has run [m]
+    docked: Bool[np.ndarray, "N 4"]  # whether each dock holds another
+    beacon: Heard  # the nearest dock that wants this robot or any
+    guide: Heard  # the nearest call of an organism from another dock
+    asker: Heard  # the nearest robot that asks this one
+    wired: Wired  # words of the neighbors
 
 
 class Mode(IntEnum):
@@ -47,8 +118,7 @@ class Memory(NamedTuple):
     leader: Int[np.ndarray, " N"]  # number of the seed of the organism
     roles: Int[np.ndarray, " N"]  # bits of the places that are known to be taken
     ticket: Int[np.ndarray, " N"]  # whom the organism accepts, of `make_ticket`
-    # what the organism was told: to stay, to part and go on, or to dissolve (`STAY`, `PART`, `DISSOLVE`)
-    goes: Int[np.ndarray, " N"]
+    goes: Int[np.ndarray, " N"]  # what the organism was told: `STAY`, `PART` or `DISSOLVE`
     accepted_since: Float[np.ndarray, " N"]  # how long the present robot has been accepted [s]
     turn: Float[np.ndarray, " N"]  # to which side a robot turns away, 1 left or -1 right
     avoiding: Float[np.ndarray, " N"]  # time that it goes on turning [s]
@@ -61,8 +131,7 @@ class Memory(NamedTuple):
     has_climbed: Bool[np.ndarray, " N"]  # whether it has been on a slope since it began to retreat
     recoveries: Int[np.ndarray, " N"]  # how often it has recovered
     growth: Float[np.ndarray, " N"]  # time since its organism has grown [s]
-    # pose of the beacon as it was last heard and since carried on by odometry: ahead [m], left [m], axis
-    # [rad]
+    # pose of the beacon as it was last heard and since carried on by odometry: ahead [m], left [m], axis [rad]
     dock: Float[np.ndarray, "N 3"]
     ran: Float[np.ndarray, "N 2"]  # odometry at the last decision [m]
     nearest: Float[np.ndarray, " N"]  # least distance to the beacon since the robot began to locate it [m]
@@ -73,43 +142,23 @@ class Memory(NamedTuple):
     @classmethod
     def begin(cls, num_robots: int) -> Memory:
         """Return the memory of robots that explore and know nothing."""
-        zeros, whole = np.zeros(num_robots), np.zeros(num_robots, np.int64)
-        nobody, no = np.full(num_robots, NOBODY), np.zeros(num_robots, bool)
-        return cls(
-            mode=whole + Mode.EXPLORE,
-            since=zeros,
-            role=nobody,
-            leader=nobody,
-            roles=whole,
-            ticket=whole,
-            goes=whole,
-            accepted_since=zeros,
-            turn=zeros + 1.0,
-            avoiding=zeros,
-            silent=zeros + np.inf,
-            unseen=zeros + np.inf,
-            alone=zeros,
-            heard_role=nobody,
-            heard_leader=nobody,
-            mark=zeros,
-            has_climbed=no,
-            recoveries=whole,
-            growth=zeros,
-            dock=np.zeros((num_robots, 3)),
-            ran=np.zeros((num_robots, 2)),
-            nearest=zeros + np.inf,
-            stalled=zeros,
-            asking=zeros,
-            unanswered=zeros,
-        )
+        values: dict[str, np.ndarray] = {name: np.zeros(num_robots) for name in cls._fields}
+        for name in ("mode", "roles", "ticket", "goes", "recoveries"):
+            values[name] = np.zeros(num_robots, np.int64)
+        for name in ("role", "leader", "heard_role", "heard_leader"):
+            values[name] = np.full(num_robots, NOBODY)
+        for name in ("silent", "unseen", "nearest"):
+            values[name] = np.full(num_robots, np.inf)
+        values |= {"has_climbed": np.zeros(num_robots, bool), "turn": np.ones(num_robots)}
+        values |= {"dock": np.zeros((num_robots, 3)), "ran": np.zeros((num_robots, 2))}
+        return cls(**values)
 
     def start(
         self, robots: Bool[np.ndarray, " N"] | Int[np.ndarray, " K"], mode: Mode, **values: object
     ) -> Memory:
         """Return a memory in which some robots are in a mode, as scripts and tests begin."""
-        fields: dict[str, object] = {"mode": mode, "since": 0.0, **values}
         changed = {}
-        for name, value in fields.items():
+        for name, value in {"mode": mode, "since": 0.0, **values}.items():
             changed[name] = getattr(self, name).copy()
             changed[name][robots] = value
         return self._replace(**changed)
@@ -123,14 +172,6 @@ def make_ticket(version: Int[np.ndarray, " N"], robot: Int[np.ndarray, " N"]) ->
 def read_ticket(ticket: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " N"], Int[np.ndarray, " N"]]:
     """Return version and accepted robot, NOBODY for none."""
     return ticket // _TICKET, ticket % _TICKET - 1
-
-
-STAY, PART, DISSOLVE = range(3)
-"""What an organism is told: nothing, to part after its task, to part as the attempt has failed."""
-_TICKET = 4096  # More than there are robots in a swarm
-
-
-MOST_ROLES = 60  # Places of a plan: robots keep a bit for each
 
 
 class Plan(NamedTuple):
@@ -162,34 +203,3 @@ def make_plan(organism: Organism) -> Plan:
             )
         wanted[parent, SIDES.index(ends[parent])] = child
     return Plan(wanted, (1 << organism.num_modules) - 1)
-
-
-REACH = ScoutConfig().arm_reach
-"""From the center of a robot to the dock with which it hears [m]: that of the front, with which it docks."""
-
-
-def carry(pose: Float[np.ndarray, "N 3"], way: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "N 3"]:
-    """Return poses of docks in the frames of robots that have moved."""
-    turn = (way[:, 1] - way[:, 0]) / (2 * HALF_GAUGE * SLIP)
-    ahead, left = pose[:, 0] - way.mean(axis=-1), pose[:, 1]
-    cosine, sine = np.cos(turn), np.sin(turn)
-    return np.stack([cosine * ahead + sine * left, cosine * left - sine * ahead, pose[:, 2] - turn], axis=-1)
-
-
-def locate(heard: Heard) -> Float[np.ndarray, "N 3"]:
-    """Return poses of the docks that are heard, in the frames of the robots."""
-    distance = np.maximum(heard.distance, 0.0) + REACH
-    axis = wrap(heard.bearing + np.pi - heard.departure)
-    return np.stack([distance * np.cos(heard.bearing), distance * np.sin(heard.bearing), axis], axis=-1)
-
-
-def recall(heard: Heard, pose: Float[np.ndarray, "N 3"]) -> Heard:
-    """Return what is heard, with distance, bearing and departure of the remembered dock where nothing is."""
-    bearing = np.arctan2(pose[:, 1], pose[:, 0])
-    distance = np.maximum(np.hypot(pose[:, 0], pose[:, 1]) - REACH, 0.0)
-    departure = wrap(bearing + np.pi - pose[:, 2])
-    return heard._replace(
-        distance=np.where(heard.is_heard, heard.distance, distance),
-        bearing=np.where(heard.is_heard, heard.bearing, bearing),
-        departure=np.where(heard.is_heard, heard.departure, departure),
-    )

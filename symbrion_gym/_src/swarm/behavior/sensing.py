@@ -1,54 +1,84 @@
-"""From a world to what its robots sense."""
+"""From a world to what its robots sense: what they measure, and what they hear of each other's broadcasts.
+
+The law of light and its constants are those of `Signals`, so that both agree on how far docks reach. The estimates of
+distance, bearing and departure are not made from its readings: the two units of a side do not tell a dock that is far
+from one that is seen askew, so that no departure can be read from them, and how the real robots found theirs is not
+known. The errors are fitted to how long their docking took instead. Unlike in `Signals`, a side counts as one unit,
+only other robots shade, not the arena, and any two robots that ask at once disturb each other.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Float
+from math import pi
+from typing import NamedTuple
 
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.robot.scout_sensors import find_scout_rays
-from symbrion_gym._src.swarm.behavior.hearing import HearingConfig, find_geometry, hear, read_wires
-from symbrion_gym._src.swarm.behavior.percepts import Percepts, Wired, Words
-from symbrion_gym._src.swarm.senses import Senses
-from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS
-from symbrion_gym._src.swarm.world import DECISION, SwarmState, SwarmWorld
+from symbrion_gym._src.swarm.behavior.memory import Heard, Percepts, Wired, Words
+from symbrion_gym._src.swarm.docks import compute_dock_frames
+from symbrion_gym._src.swarm.senses import NUM_UNITS, Senses, SwarmWorld
+from symbrion_gym._src.swarm.signals import (
+    FALLOFF,
+    GAIN,
+    LEAST_DISTANCE,
+    MESSAGE_THRESHOLD,
+    RECEPTION,
+    compute_lobe,
+)
+from symbrion_gym._src.swarm.world import DECISION, SwarmState
 
-STEEP_BEAMS = {"laser_range": 0.8, "laser_beams": 7, "laser_angles": (-np.pi / 3, -np.pi / 6)}
-"""What behaviors need of the forward laser: the beams that meet the ground nearby."""
+BEARING_NOISE = 0.05  # Standard deviation of the direction to a sender [rad] (estimate)
+DEPARTURE_NOISE = 0.10  # Of the direction from the sender's dock [rad] (estimate)
+BIAS = 0.17
+"""Of slowly changing errors of both directions, as of light that the ground and bodies reflect [rad]; fitted, as
+`BIAS_TIME`, to half of the docking trials of real robots (`evolution._src.experiments.swarm.docking_trials`)."""
+BIAS_TIME = 60.0  # In which these are forgotten [s]
+DISTANCE_NOISE = 0.05
+"""Of the distance, as a share of it (estimate): strength falls with the square of the distance."""
+LOSS = 0.05  # Share of the broadcasts that are lost in a decision (estimate)
 FARTHEST = 0.30
 """A beam looks for drops if it meets level ground nearer than this to the center of the robot [m]."""
+SIDE_ANGLES = np.array([ScoutConfig().compute_dock(side)[2] for side in SIDES])
+"""Directions of the docks in the frame of a robot [rad], in the order of `SIDES`."""
+_BODY = 0.045
+"""Half of the width that a body shades [m]: less than half of its edge, as light passes its round corners."""
+_TALL = 0.08  # Bodies shade what passes less than this above or below their centers [m]
+_FARTHEST_HEARD = (2.0 * GAIN / MESSAGE_THRESHOLD) ** (1.0 / FALLOFF) + np.linalg.norm(ScoutConfig().size)
+
+
+def make_scout() -> ScoutConfig:
+    """Return the Scouts of a swarm, which read only the steep beams of their lasers, at short range."""
+    return ScoutConfig(laser_range=0.8, laser_beams=7, laser_angles=(-pi / 3, -pi / 6))
+
+
+def wrap(angle: Float[np.ndarray, " *S"]) -> Float[np.ndarray, " *S"]:
+    """Return angles within -pi to pi."""
+    return (angle + pi) % (2 * pi) - pi
 
 
 class Sensing:
-    """The senses of all robots of a world.
+    """The senses of all robots of a world; `noise` is a factor on all of their errors."""
 
-    Args:
-        world: where they are.
-        config: how well they hear; None for the defaults.
-        seed: of all noise.
-    """
-
-    def __init__(self, world: SwarmWorld, config: HearingConfig | None = None, seed: int = 0) -> None:
-        self._world, self._config = world, config or HearingConfig()
-        self._senses = Senses(world, laser=True)
-        self.reset(seed)
-
-    def reset(self, seed: int = 0) -> None:
-        """Restart all noise and the odometry; call it after a reset of the world."""
+    def __init__(self, world: SwarmWorld, noise: float = 1.0, seed: int = 0) -> None:
+        self._world, self._noise = world, noise
+        self._senses = Senses(world, noise, seed)
         self._rng = np.random.default_rng((seed, 7))
-        self._senses.reset(seed)
-        self._run = np.zeros((self._world.num_robots, 2))
-        self._bias = self._config.bias * self._rng.standard_normal((2, self._world.num_robots))
+        self._run = np.zeros((world.num_robots, 2))
+        self._bias = BIAS * self._rng.standard_normal((2, world.num_robots))
 
     def read(self, words: Words, wire: Wired) -> Percepts:
         """Return what the robots sense now."""
-        world, rng, config = self._world, self._rng, self._config
+        world, rng, noise = self._world, self._rng, self._noise
         state, readings = world.state, self._senses.read()
-        share = np.exp(-DECISION / config.bias_time)
+        share = np.exp(-DECISION / BIAS_TIME)
         new = rng.standard_normal((2, world.num_robots))
-        self._bias = share * self._bias + config.bias * np.sqrt(1.0 - share**2) * new
-        speaks = words.is_beacon | words.is_guide | (words.asker >= 0)
-        geometry = find_geometry(state, speaks, config)
+        self._bias = share * self._bias + BIAS * np.sqrt(1.0 - share**2) * new
+        asks = np.broadcast_to((words.asker >= 0)[:, None], words.is_beacon.shape)
+        links = find_links(state, words.is_beacon | words.is_guide | asks)
         self._run = self._run + readings["odometry"]
         pitch, roll = readings["tilt"].T
         return Percepts(
@@ -57,10 +87,10 @@ class Sensing:
             pitch=pitch,
             roll=roll,
             odometry=self._run,
-            docked=find_docked(state),
-            beacon=hear(geometry, words, words.is_beacon, config, self._bias, rng),
-            guide=hear(geometry, words, words.is_guide, config, self._bias, rng),
-            asker=hear(geometry, words, words.asker >= 0, config, self._bias, rng, collides=True),
+            docked=state.docked,
+            beacon=hear(links, words, words.is_beacon, noise, self._bias, rng),
+            guide=hear(links, words, words.is_guide, noise, self._bias, rng),
+            asker=hear(links, words, asks, noise, self._bias, rng, collides=True),
             wired=read_wires(wire, state.links),
         )
 
@@ -81,15 +111,107 @@ def compute_drop(
     return np.maximum(drop.max(axis=-1), 0.0)
 
 
-def make_scout() -> ScoutConfig:
-    """Return the Scouts of a swarm, which read only the steep beams of their lasers, at short range."""
-    return ScoutConfig(**STEEP_BEAMS)
+class Links(NamedTuple):
+    """Docks that robots can hear, one row for each that reaches a robot."""
+
+    receiver: Int[np.ndarray, " L"]  # robot
+    sender: Int[np.ndarray, " L"]  # robot
+    side: Int[np.ndarray, " L"]  # dock of the sender, its place in `SIDES`
+    distance: Float[np.ndarray, " L"]  # from the receiver's nearest dock to the sender's [m]
+    bearing: Float[np.ndarray, " L"]  # in the frame of the receiver [rad]
+    departure: Float[np.ndarray, " L"]  # from the axis of the sender's dock [rad]
 
 
-def find_docked(state: SwarmState) -> np.ndarray:
-    """Return which docks hold another, `[N, 4]`."""
-    docked = np.zeros((len(state.position), len(SIDES)), bool)
-    for link in state.links:
-        for robot, side in link.ends:
-            docked[robot, SIDES.index(side)] = True
-    return docked
+def find_links(state: SwarmState, speaks: Bool[np.ndarray, "N 4"]) -> Links:
+    """Return which speaking docks reach which robots: bright enough, with no other robot between."""
+    place, axis, _ = compute_dock_frames(state)
+    sender, side = np.nonzero(speaks)
+    way = place[sender, side][None] - state.position[:, None]
+    far = np.linalg.norm(way, axis=-1)
+    is_near = (far < _FARTHEST_HEARD) & (np.arange(len(far))[:, None] != sender)
+    receiver, row = np.nonzero(is_near)
+    sender, side, way, far = sender[row], side[row], way[is_near], far[is_near]
+    ahead, left = state.rotation[receiver, :, 0], state.rotation[receiver, :, 1]
+    bearing = np.arctan2((way * left).sum(axis=-1), (way * ahead).sum(axis=-1))
+    off_sides = np.abs(wrap(bearing[:, None] - SIDE_ANGLES))
+    own = np.linalg.norm(place - state.position[:, None], axis=-1)
+    distance = np.maximum(far - own[receiver, off_sides.argmin(axis=-1)], 0.0)
+    out = axis[sender, side]
+    departure = wrap(np.arctan2(-way[:, 1], -way[:, 0]) - np.arctan2(out[:, 1], out[:, 0]))
+    kept = compute_brightness(distance, departure, off_sides.min(axis=-1)) > MESSAGE_THRESHOLD
+    found = Links(*(part[kept] for part in (receiver, sender, side, distance, bearing, departure)))
+    is_shaded = _find_shaded(state.position, found, way[kept])
+    return Links(*(part[~is_shaded] for part in found))
+
+
+def compute_brightness(
+    distance: Float[np.ndarray, "*S"], departure: Float[np.ndarray, "*S"], off_side: Float[np.ndarray, "*S"]
+) -> Float[np.ndarray, "*S"]:
+    """Return what both units of a side read of a dock in plain sight [counts]."""
+    near, seen = np.maximum(distance, LEAST_DISTANCE), np.maximum(np.cos(off_side), 0.0)
+    return 2.0 * GAIN * compute_lobe(np.maximum(np.cos(departure), 0.0)) * seen**RECEPTION * near**-FALLOFF
+
+
+def _find_shaded(
+    position: Float[np.ndarray, "N 3"], links: Links, way: Float[np.ndarray, "K 3"]
+) -> Bool[np.ndarray, " K"]:
+    """Return where a third robot stands between a receiver and a dock."""
+    length = np.maximum((way**2).sum(axis=-1), LEAST_DISTANCE**2)
+    to_third = position[None] - position[links.receiver][:, None]
+    share = np.clip(np.einsum("kj,ktj->kt", way, to_third) / length[:, None], 0.0, 1.0)
+    gap = to_third - share[..., None] * way[:, None]
+    is_near = (np.hypot(gap[..., 0], gap[..., 1]) < _BODY) & (np.abs(gap[..., 2]) < _TALL)
+    rows = np.arange(len(way))
+    is_near[rows, links.receiver] = is_near[rows, links.sender] = False
+    return is_near.any(axis=-1)
+
+
+def hear(
+    links: Links,
+    words: Words,
+    speaks: Bool[np.ndarray, "N 4"],
+    noise: float,
+    bias: Float[np.ndarray, "2 N"],
+    rng: np.random.Generator,
+    collides: bool = False,
+) -> Heard:
+    """Return the nearest of some broadcasts that each robot receives."""
+    count = len(speaks)
+    chance, errors = rng.random(count), noise * rng.standard_normal((3, count))
+    rows = np.flatnonzero(speaks[links.sender, links.side])
+    # Of several assignments to one receiver the last one stays: the nearest.
+    rows = rows[np.argsort(-links.distance[rows], kind="stable")]
+    best = np.full(count, -1)
+    best[links.receiver[rows]] = rows
+    is_heard = (best >= 0) & (chance >= noise * LOSS)
+    if collides:
+        pairs = np.unique(np.stack([links.receiver[rows], links.sender[rows]]), axis=1)
+        is_heard &= np.bincount(pairs[0], minlength=count) == 1
+    to, row = np.flatnonzero(is_heard), best[is_heard]
+    sender, side = links.sender[row], links.side[row]
+    bearing = links.bearing[row] + noise * bias[0, to] + BEARING_NOISE * errors[0, to]
+    departure = links.departure[row] + noise * bias[1, to] + DEPARTURE_NOISE * errors[1, to]
+    found = {
+        "distance": links.distance[row] * np.exp(DISTANCE_NOISE * errors[2, to]),
+        "bearing": wrap(bearing),
+        "departure": wrap(departure),
+        "sender_side": side,
+        "role": words.role[sender, side],
+        **{name: getattr(words, name)[sender] for name in ("accepts", "leader", "asker", "size")},
+    }
+    heard = Heard.make_nothing(count)
+    for name, values in found.items():
+        column = getattr(heard, name).copy()
+        column[to] = values
+        heard = heard._replace(**{name: column})
+    return heard._replace(is_heard=is_heard)
+
+
+def read_wires(told: Wired, links: tuple[Docking, ...]) -> Wired:
+    """Return what each dock receives of what its neighbor said over the wire."""
+    received = Wired(*(np.zeros((len(word), len(SIDES)), word.dtype) for word in told))
+    for link in links:
+        for (one, side), (other, _) in (link.ends, link.ends[::-1]):
+            for word, said in zip(received, told, strict=True):
+                word[one, SIDES.index(side)] = said[other]
+    return received

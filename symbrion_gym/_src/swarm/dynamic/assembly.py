@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.robot.organism import Docking, Organism
 from symbrion_gym._src.robot.scout import make_scout
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.robot.tracks import find_driven_wheels
-from symbrion_gym._src.swarm.docks import find_groups, make_organism, sort_links
-from symbrion_gym._src.swarm.dynamic.motion import find_parts
+from symbrion_gym._src.swarm.docks import SCOUT, find_groups, make_organism, sort_links
+from symbrion_gym._src.swarm.world import FRONT
+
+TIMESTEP = 0.005  # Physics step [s]
+_WELD_SOLREF = (0.01, 1.0)
+"""Time constant [s] and damping ratio of welds: twice the physics step, the stiffest that stays stable."""
+_WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""The stiffest that MuJoCo has: welds yield to a force by 0.01 % of what a free body would."""
+_FRICTION_STIFFNESS = 10.0  # Of friction against that of contacts, as for organisms with elliptic cones
+_KEPT = 64  # Models that are kept for a layout that comes back
 
 
 @dataclass(frozen=True)
@@ -85,14 +92,6 @@ def find_layout(
     return Layout(tuple(trees), welds)
 
 
-_WELD_SOLREF = (0.01, 1.0)
-"""Time constant [s] and damping ratio of welds: twice the physics step, the stiffest that stays stable."""
-_WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""The stiffest that MuJoCo has: welds yield to a force by 0.01 % of what a free body would."""
-_FRICTION_STIFFNESS = 10.0  # Of friction against that of contacts, as for organisms with elliptic cones
-_KEPT = 64  # Models that are kept for a layout that comes back
-
-
 @dataclass(frozen=True)
 class Assembly:
     """A compiled layout; every array has one entry for each robot."""
@@ -100,10 +99,11 @@ class Assembly:
     layout: Layout  # how it holds the robots
     model: mujoco.MjModel  # compiled; track speeds and poses of welds are written into it
     sites: Int[np.ndarray, " N"]  # ids of the sites that mark the modules' centers
-    arms: Int[np.ndarray, " N"]  # ids of the bodies that carry the arms
+    bodies: Int[np.ndarray, "N 2"]  # ids of the bodies that carry chassis and arm
     docks: Int[np.ndarray, "N 4"]  # ids of the sites of the docks, in the order of `SIDES`
-    # addresses of the hinges in qpos; -1 where the arm is folded up for good
-    hinge_qpos: Int[np.ndarray, " N"]
+    hinge_qpos: Int[
+        np.ndarray, " N"
+    ]  # addresses of the hinges in qpos; -1 where the arm is folded up for good
     hinge_dof: Int[np.ndarray, " N"]  # their addresses in qvel
     hinge_servo: Int[np.ndarray, " N"]  # ids of their actuators
     track_geoms: Int[np.ndarray, "N T"]  # ids of the geoms that drive, left before right
@@ -117,24 +117,24 @@ class Assembly:
     def find_spans(self, tree: Tree) -> tuple[slice, slice]:
         """Return where a tree lies in qpos and qvel."""
         qpos, dof = self.find_root(tree)
-        root = self.model.dof_treeid[dof]
-        count = int(np.count_nonzero(self.model.dof_treeid == root))
+        count = int(np.count_nonzero(self.model.dof_treeid == self.model.dof_treeid[dof]))
         return slice(qpos, qpos + count + 1), slice(dof, dof + count)
 
 
 class Assembler:
-    """Compiles layouts; the arena's meshes are prepared once.
+    """Compiles layouts of Scouts in an arena, whose meshes are prepared once."""
 
-    Args:
-        arena: where the robots are.
-        scout: constants of the robots.
-        timestep: physics step [s].
-    """
-
-    def __init__(self, arena: Arena, scout: ScoutConfig, timestep: float) -> None:
-        self._scout = scout
-        self._base = arena.spec()
-        _set_options(self._base, timestep)
+    def __init__(self, arena: Arena, scout: ScoutConfig) -> None:
+        self._scout, self._base = scout, arena.spec()
+        option = self._base.option
+        option.timestep = TIMESTEP
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+        option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _FRICTION_STIFFNESS
+        option.jacobian = (
+            mujoco.mjtJacobian.mjJAC_DENSE
+        )  # 4.0.0 factors sparse matrices wrongly from nv 60 on
+        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self._base.compile()
         self._made: OrderedDict[Layout, Assembly] = OrderedDict()
 
@@ -149,10 +149,12 @@ class Assembler:
 
     def _compile(self, layout: Layout) -> Assembly:
         spec = self._base.copy()
+        names = [""] * sum(len(tree.robots) for tree in layout.trees)
         for tree in layout.trees:
             part = make_scout(self._scout) if tree.organism is None else tree.organism.spec()
             spec.attach(part, prefix=tree.prefix, frame=spec.worldbody.add_frame())
-        names = _name_modules(layout)
+            for module, robot in enumerate(tree.robots):
+                names[robot] = f"{tree.prefix}module_{module}"
         for k, weld in enumerate(layout.welds):
             bodies = [spec.site(f"{names[robot]}_dock_{side}").parent.name for robot, side in weld.ends]
             spec.add_equality(
@@ -165,122 +167,29 @@ class Assembler:
                 solref=_WELD_SOLREF,
                 solimp=_WELD_SOLIMP,
             )
-        return _find_ids(layout, spec.compile(), names, self._scout)
+        return _find_ids(layout, spec.compile(), names)
 
 
-def _set_options(spec: mujoco.MjSpec, timestep: float) -> None:
-    option = spec.option
-    option.timestep = timestep
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _FRICTION_STIFFNESS
-    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # 4.0.0 factors sparse matrices wrongly from nv 60 on
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-
-
-def _name_modules(layout: Layout) -> list[str]:
-    names = [""] * sum(len(tree.robots) for tree in layout.trees)
-    for tree in layout.trees:
-        for module, robot in enumerate(tree.robots):
-            names[robot] = f"{tree.prefix}module_{module}"
-    return names
-
-
-def _find_ids(layout: Layout, model: mujoco.MjModel, names: list[str], scout: ScoutConfig) -> Assembly:
+def _find_ids(layout: Layout, model: mujoco.MjModel, names: list[str]) -> Assembly:
     hinges = [name.replace("module_", "hinge_") for name in names]
     joints = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in hinges]
-    wheels = range(len(find_driven_wheels(scout)))
+    wheels = range(len(find_driven_wheels(SCOUT)))
+    sites = np.array([model.site(name).id for name in names])
     docks = np.array([[model.site(f"{name}_dock_{side}").id for side in SIDES] for name in names])
-    return Assembly(
-        layout,
-        model,
-        np.array([model.site(name).id for name in names]),
-        model.site_bodyid[docks[:, SIDES.index("front")]].copy(),
-        docks,
-        np.array([-1 if joint < 0 else model.jnt_qposadr[joint] for joint in joints]),
-        np.array([-1 if joint < 0 else model.jnt_dofadr[joint] for joint in joints]),
-        np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name) for name in hinges]),
-        np.array([[model.geom(f"{name}_track_{k}").id for k in wheels] for name in names]),
-        _find_owners(model, names),
-    )
-
-
-def _find_owners(model: mujoco.MjModel, names: list[str]) -> Int[np.ndarray, " G"]:
     owners = np.full(model.ngeom, -1)
     for geom in range(model.ngeom):
         for robot, name in enumerate(names):
             if model.geom(geom).name.startswith(f"{name}_"):
                 owners[geom] = robot
-    return owners
-
-
-def compute_loads(
-    assembly: Assembly, data: mujoco.MjData, links: Sequence[Docking], scout: ScoutConfig
-) -> Float[np.ndarray, "N 4"]:
-    """Return the force through each dock [N] in the last physics step; 0 where nothing is latched.
-
-    For each docking the organism is cut there: mass times acceleration of the modules on one side, less gravity and
-    what the ground and other robots push, is what came through the dock. So it is the same for welds and for trees.
-    """
-    count = len(assembly.sites)
-    loads = np.zeros((count, 4))
-    if not links:
-        return loads
-    model = assembly.model
-    mujoco.mj_rnePostConstraint(model, data)
-    needed = _compute_inertial(assembly, data, scout) - _compute_pushes(assembly, data)
-    for link in links:
-        others = [each for each in links if each != link]
-        groups = find_groups(others, count)
-        force = needed[groups == groups[link.first]].sum(axis=0)
-        for robot, side in link.ends:
-            loads[robot, SIDES.index(side)] = np.linalg.norm(force)
-    return loads
-
-
-def _compute_inertial(
-    assembly: Assembly, data: mujoco.MjData, scout: ScoutConfig
-) -> Float[np.ndarray, "N 3"]:
-    """Return mass times (acceleration - gravity) of chassis and arm of each robot [N]."""
-    model = assembly.model
-    chassis, arm = find_parts(scout)
-    bodies = np.stack([model.site_bodyid[assembly.sites], assembly.arms], axis=1)
-    frame = data.site_xmat[assembly.sites].reshape(-1, 3, 3)
-    front = data.site_xpos[assembly.docks[:, 0]] - data.site_xpos[assembly.sites]
-    centers = np.stack([frame @ chassis.center, np.linalg.norm(arm.center) / scout.arm_reach * front], axis=1)
-    places = data.site_xpos[assembly.sites][:, None] + centers
-    lever = places - data.subtree_com[model.body_rootid[bodies]]
-    spin, turning = data.cvel[bodies][..., :3], data.cacc[bodies][..., :3]
-    velocity = data.cvel[bodies][..., 3:] + np.cross(spin, lever)
-    acceleration = data.cacc[bodies][..., 3:] + np.cross(turning, lever) + np.cross(spin, velocity)
-    return chassis.mass * acceleration[:, 0] + arm.mass * acceleration[:, 1]
-
-
-def _compute_pushes(assembly: Assembly, data: mujoco.MjData) -> Float[np.ndarray, "N 3"]:
-    """Return the sum of contact forces and applied forces on each robot [N]."""
-    pushes = np.zeros((len(assembly.sites), 3))
-    owners, forces = compute_contact_forces(assembly, data)
-    world = np.einsum("cji,cj->ci", data.contact.frame.reshape(-1, 3, 3), forces)
-    world[owners[:, 0] == owners[:, 1]] = 0.0
-    for side, sign in enumerate((-1.0, 1.0)):
-        is_robot = owners[:, side] >= 0
-        np.add.at(pushes, owners[is_robot, side], sign * world[is_robot])
-    for body in np.flatnonzero(data.xfrc_applied[:, :3].any(axis=1)):
-        on_body = assembly.owners[assembly.model.geom_bodyid == body]
-        pushes[on_body.max(initial=-1)] += data.xfrc_applied[body, :3]
-    return pushes
-
-
-def compute_contact_forces(
-    assembly: Assembly, data: mujoco.MjData
-) -> tuple[Int[np.ndarray, "C 2"], Float[np.ndarray, "C 3"]]:
-    """Return the robots that each contact is between, -1 for the arena, and its force in its frame, normal first [N].
-
-    With elliptic cones, as all models here have, the solver's forces are these.
-    """
-    contacts = data.contact
-    rows = contacts.efc_address
-    forces = np.zeros((len(rows), 3))
-    is_active = rows >= 0
-    forces[is_active] = data.efc_force[rows[is_active, None] + np.arange(3)]
-    return assembly.owners[contacts.geom], forces
+    return Assembly(
+        layout,
+        model,
+        sites,
+        np.stack([model.site_bodyid[sites], model.site_bodyid[docks[:, FRONT]]], axis=1),
+        docks,
+        np.array([-1 if joint < 0 else model.jnt_qposadr[joint] for joint in joints]),
+        np.array([-1 if joint < 0 else model.jnt_dofadr[joint] for joint in joints]),
+        np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name) for name in hinges]),
+        np.array([[model.geom(f"{name}_track_{k}").id for k in wheels] for name in names]),
+        owners,
+    )

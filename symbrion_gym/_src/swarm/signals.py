@@ -1,0 +1,211 @@
+"""What robots tell each other: beacons and messages of docks by infrared, and messages by wire within organisms.
+
+Light: [F] is a fit of ours to the 82 passes of a robot in front of a Scout's front beacon, 1 cm apart, in
+symbrion-morph (`data/data_set10`, `data_set11`), beyond 15 cm: reading = gain (share of the lobe) cos^4 (1 m /
+distance)^falloff. It leaves 1.1 counts of standard deviation at readings of 3 to 8, and 2.7 at 8 to 20. There both
+robots always looked along parallel lines, so that how the lobe divides into that of the sender and of the receiver is
+an estimate [E]. Readings are in counts of the robots' converters, ambient light taken off.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from symbrion_gym._src.robot.scout_constants import SIDES
+from symbrion_gym._src.robot.scout_sensors import find_scout_rays
+from symbrion_gym._src.swarm.docks import compute_dock_frames
+from symbrion_gym._src.swarm.senses import NUM_UNITS
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
+
+    from symbrion_gym._src.robot.organism import Docking
+    from symbrion_gym._src.robot.scout_constants import ScoutConfig
+    from symbrion_gym._src.swarm.senses import SwarmWorld
+    from symbrion_gym._src.swarm.sight import Sight
+    from symbrion_gym._src.swarm.world import SwarmState
+
+NO_MESSAGE = -1  # Nothing sent or received
+GAIN = 5.9  # Reading of a unit at 1 m that looks at a beacon that looks at it [counts] [F]
+FALLOFF = 1.7  # Exponent of the distance [F]
+LOBE = 66.0  # Exponent of the cosine of the angle off the beacon's axis, for its narrow part [F]
+SIDE_SHARE = 0.18  # What the beacon sends to all sides before it, as a share of that along its axis [F]
+RECEPTION = 4.0  # Exponent of the cosine of the angle off the axis of the receiving unit [E]
+SATURATION = 275.0  # Largest reading [F: 275 is the largest there]
+AMBIENT = 0.5  # Reading without a beacon [F]
+NOISE = 0.5  # Standard deviation of a reading [F]
+RELATIVE_NOISE = 0.05
+"""Likewise, as a share of the reading [E]; 0.16-0.21 is left by the fit, which includes its error."""
+MESSAGE_LOSS = 0.02  # Probability that a message is lost on its way [E]
+MESSAGE_THRESHOLD = 1.5  # Weakest sum of both units of a side with which a message is read [counts] [E]
+CAPTURE = 2.0
+"""How many times as strong as all others together a message must be to be read; else they collide [E]."""
+LEAST_DISTANCE = 0.01  # Smaller distances count as this one [m]: units do not touch
+_LEAST_READING = 0.5  # Light below this reading is none [counts]: the standard deviation of the noise
+_find_rays = lru_cache(find_scout_rays)
+_NARROW = 0.92  # Cosine of the angle off a dock's axis beyond which almost all light is that of its wide part
+
+
+class Receptions(NamedTuple):
+    """What N robots receive in one decision."""
+
+    # reading of each infrared unit, two a side, the left one (seen from within) first [counts]
+    beacon: Float[np.ndarray, "N 8"]
+    message: Int[np.ndarray, "N 4"]  # what each side received by infrared; `NO_MESSAGE` for nothing
+    wired: Int[np.ndarray, "N 4"]  # what each dock received from the module docked to it; likewise
+
+
+class Light(NamedTuple):
+    """Light that gets from docks to the two units of a side of other robots."""
+
+    sender: Int[np.ndarray, " L"]  # robot
+    dock: Int[np.ndarray, " L"]  # its side
+    receiver: Int[np.ndarray, " L"]  # robot
+    side: Int[np.ndarray, " L"]  # its side
+    readings: Float[np.ndarray, "L 2"]  # of both units, not limited [counts]
+
+    def of(self, chosen: Bool[np.ndarray, "N 4"]) -> Light:
+        """Return the light of some docks."""
+        kept = chosen[self.sender, self.dock]
+        return Light(*(values[kept] for values in self))
+
+
+class Signals:
+    """Carries beacons and messages between the robots of a world.
+
+    Beacons and messages are of different frequencies and do not disturb each other; beacons add up. What is sent in a
+    decision is received in it. Light needs a line of sight from the dock to the middle of the receiving side: neither
+    the arena's exact surface nor a third robot may be between them. Wires lose nothing. `noise` is a factor on the
+    errors of readings and on the losses.
+    """
+
+    def __init__(self, world: SwarmWorld, noise: float = 1.0, seed: int = 0) -> None:
+        self._world, self._noise = world, noise
+        self.reset(seed)
+
+    def reset(self, seed: int = 0) -> None:
+        """Restart the noise."""
+        self._rng = np.random.default_rng(seed)
+
+    def exchange(self, beacon: Bool[np.ndarray, "N 4"], message: Int[np.ndarray, "N 4"]) -> Receptions:
+        """Return what robots receive now.
+
+        The beacons of docks shine or do not; a message, `NO_MESSAGE` or a number from 0 on, goes by infrared or, where
+        a dock is latched, by wire; a latched dock sends no light.
+        """
+        state, world = self._world.state, self._world
+        shining, speaking = beacon & ~state.docked, (message != NO_MESSAGE) & ~state.docked
+        light = compute_light(state, shining | speaking, world.sight, world.scout)
+        readings = self._read_beacons(light.of(shining))
+        heard = self._read_messages(light.of(speaking), message)
+        return Receptions(readings, heard, pass_on(message, state.links))
+
+    def _read_beacons(self, light: Light) -> Float[np.ndarray, "N 8"]:
+        total = np.zeros((self._world.num_robots, len(SIDES), 2))
+        np.add.at(total, (light.receiver, light.side), light.readings)
+        reading = total.reshape(-1, NUM_UNITS) + AMBIENT
+        spread = np.hypot(self._noise * NOISE, self._noise * RELATIVE_NOISE * reading)
+        return np.clip(reading + spread * self._rng.standard_normal(reading.shape), 0.0, SATURATION)
+
+    def _read_messages(self, light: Light, content: Int[np.ndarray, "N 4"]) -> Int[np.ndarray, "N 4"]:
+        shape, power = content.shape, light.readings.sum(axis=1)
+        total, best = np.zeros(shape), np.zeros(shape)
+        np.add.at(total, (light.receiver, light.side), power)
+        np.maximum.at(best, (light.receiver, light.side), power)
+        is_best = power == best[light.receiver, light.side]
+        message = np.full(shape, NO_MESSAGE)
+        strongest = light.receiver[is_best], light.side[is_best]
+        message[strongest] = content[light.sender[is_best], light.dock[is_best]]
+        is_read = (best >= MESSAGE_THRESHOLD) & (best >= CAPTURE * (total - best))
+        is_read &= self._rng.random(shape) >= self._noise * MESSAGE_LOSS
+        return np.where(is_read, message, NO_MESSAGE)
+
+
+def pass_on(sent: Int[np.ndarray, "N 4"], links: tuple[Docking, ...]) -> Int[np.ndarray, "N 4"]:
+    """Return what each dock receives by wire: what the dock that it is latched to sends; else `NO_MESSAGE`."""
+    received = np.full(np.shape(sent), NO_MESSAGE)
+    for link in links:
+        one, other = ((robot, SIDES.index(side)) for robot, side in link.ends)
+        received[one], received[other] = sent[other], sent[one]
+    return received
+
+
+def compute_light(
+    state: SwarmState, shining: Bool[np.ndarray, "N 4"], sight: Sight, scout: ScoutConfig
+) -> Light:
+    """Return the light of docks that reaches units of other robots, in a fixed order."""
+    dock_place, dock_axis, _ = compute_dock_frames(state)
+    unit_place, unit_axis = find_units(state, scout)
+    sender, dock = np.nonzero(shining)
+    start, start_axis = dock_place[sender, dock], dock_axis[sender, dock]
+    pair, receiver = _find_pairs(state, sender, start, start_axis, sight.robot_radius)
+    middle = (unit_place[:, ::2] + unit_place[:, 1::2]) / 2
+    facing = ((start[pair][:, None] - middle[receiver]) * unit_axis[receiver, ::2]) @ np.ones(3) > 0.0
+    row, side = np.nonzero(facing)
+    pair, receiver = pair[row], receiver[row]
+    units = 2 * side[:, None] + np.arange(2)
+    readings = compute_readings(
+        start[pair][:, None],
+        start_axis[pair][:, None],
+        unit_place[receiver[:, None], units],
+        unit_axis[receiver[:, None], units],
+    )
+    seen = np.flatnonzero(np.maximum(readings[:, 0], readings[:, 1]) > _LEAST_READING)
+    pair, receiver, side = pair[seen], receiver[seen], side[seen]
+    clear = sight.find_clear(start, middle[receiver, side], pair, state, sender[pair], receiver)
+    pair = pair[clear]
+    return Light(sender[pair], dock[pair], receiver[clear], side[clear], readings[seen][clear])
+
+
+def find_units(
+    state: SwarmState, scout: ScoutConfig
+) -> tuple[Float[np.ndarray, "N 8 3"], Float[np.ndarray, "N 8 3"]]:
+    """Return places [m] and axes of the infrared units of all robots in the arena."""
+    origins, directions, _ = _find_rays(scout)
+    turn = state.rotation.transpose(0, 2, 1)
+    return origins[:NUM_UNITS] @ turn + state.position[:, None], directions[:NUM_UNITS] @ turn
+
+
+def _find_pairs(
+    state: SwarmState,
+    sender: Int[np.ndarray, " S"],
+    start: Float[np.ndarray, "S 3"],
+    axis: Float[np.ndarray, "S 3"],
+    radius: float,
+) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
+    """Return which senders may reach which robots: near enough for that part of the light, and not behind the dock."""
+    place = state.position
+    ahead = axis @ place.T - (axis * start).sum(axis=1)[:, None]
+    squared = (place**2).sum(axis=1) + (start**2).sum(axis=1)[:, None] - 2.0 * start @ place.T
+    outer_reach, reach = (
+        (GAIN * lobe / _LEAST_READING) ** (1.0 / FALLOFF) + radius for lobe in (compute_lobe(_NARROW), 1.0)
+    )
+    nearest = np.maximum(np.sqrt(np.maximum(squared, 0.0)) - radius, 0.0)
+    is_narrow = (ahead + radius) ** 2 > _NARROW**2 * nearest**2
+    is_near = (ahead > -radius) & (squared < np.where(is_narrow, reach, outer_reach) ** 2)
+    is_near[np.arange(len(sender)), sender] = False
+    pair, receiver = np.nonzero(is_near)
+    return pair, receiver
+
+
+def compute_lobe(cosine: Float[np.ndarray, "*S"] | float) -> Float[np.ndarray, "*S"]:
+    """Return which share of its light along the axis a beacon sends at an angle off it; none behind it."""
+    cosine = np.asarray(cosine)
+    return ((1.0 - SIDE_SHARE) * cosine**LOBE + SIDE_SHARE) * (cosine > 0.0)
+
+
+def compute_readings(
+    place: Float[np.ndarray, "*S 3"],
+    axis: Float[np.ndarray, "*S 3"],
+    unit_place: Float[np.ndarray, "*S 3"],
+    unit_axis: Float[np.ndarray, "*S 3"],
+) -> Float[np.ndarray, " *S"]:
+    """Return what units read of senders in plain sight, without limit, ambient light and noise [counts]."""
+    way, ones = unit_place - place, np.ones(3)
+    distance = np.maximum(np.sqrt((way * way) @ ones), LEAST_DISTANCE)
+    sent = np.maximum((way * axis) @ ones / distance, 0.0)
+    seen = np.maximum(-((way * unit_axis) @ ones) / distance, 0.0)
+    return GAIN * compute_lobe(sent) * seen**RECEPTION * distance**-FALLOFF
