@@ -6,7 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from symbrion_gym._src.robot.sensor_names import DEFAULT_SENSORS
+from symbrion_gym._src.robot.scout_constants import DEFAULT_SENSORS
 
 _RANDOMIZE = {
     "friction": (0.55, 0.9),

@@ -5,7 +5,7 @@ import pytest
 
 import symbrion_gym as sg
 from symbrion_gym._src.errors import OptionError, SurveyError
-from symbrion_gym._src.robot.scout_sensors import SensorNoise
+from symbrion_gym._src.robot.scout_constants import SensorNoise
 from symbrion_gym._src.sensing.survey_world import SurveyRoom
 from symbrion_gym._src.tasks.audit_checks import AuditLimits
 from symbrion_gym._src.tasks.features.gap import GapSearch

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym._src.environment.world import Physics, World, make_slice
-from symbrion_gym._src.robot.organism_sensors import MEASURED, find_free_sides
-from symbrion_gym._src.robot.scout_sensors import SensorNoise
+from symbrion_gym._src.robot.organism import MEASURED
+from symbrion_gym._src.robot.scout_constants import SensorNoise
 
 _LARGEST_RATE = 20.0  # Bound of the hinges' rates [rad/s], beyond what their servos reach
 LARGEST_DISTANCE = 100.0  # Bound of distances along the route [m], beyond any arena
@@ -48,7 +48,7 @@ def _find_bounds(
         "pitch": (n, -pi / 2, pi / 2),
         "roll": (n, -pi, pi),
         "acceleration": (6 * n, -scout.acceleration_range, scout.acceleration_range),
-        "ir": (2 * len(find_free_sides(world.organism)), 0.0, scout.ir_range),
+        "ir": (2 * len(world.organism.free_sides), 0.0, scout.ir_range),
         "contact": (n, 0.0, scout.contact_range),
         "previous_action": (num_actions, -1.0, 1.0),
         "hinge_target": (h, -angle, angle),

@@ -29,8 +29,7 @@ from symbrion_gym._src.environment.rendering import add_scene
 from symbrion_gym._src.environment.settling import Settler, compute_depth, tumble
 from symbrion_gym._src.errors import ArenaError, OrganismError
 from symbrion_gym._src.robot.body_plans import load_organism
-from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.robot.organism_sensors import add_sensors
+from symbrion_gym._src.robot.organism import Organism, add_sensors
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.robot.tracks import compute_wheel_radius, find_driven_wheels, limit_wheels
 from symbrion_gym._src.tasks.scene import Scene

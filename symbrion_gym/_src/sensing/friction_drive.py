@@ -16,8 +16,7 @@ from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.pose import make_quaternion
 from reconstruction._src.scans.slip_readings import SlipReadings
 from symbrion_gym._src.errors import SurveyError
-from symbrion_gym._src.robot.organism import snake
-from symbrion_gym._src.robot.organism_sensors import add_sensors
+from symbrion_gym._src.robot.organism import add_sensors, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.robot.tracks import find_road_wheels
 from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipSensors, Tick

@@ -11,8 +11,7 @@ from pettingzoo import ParallelEnv
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.loading import load_arena
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.robot.scout_constants import SIDES
-from symbrion_gym._src.robot.scout_sensors import SensorNoise
+from symbrion_gym._src.robot.scout_constants import SIDES, SensorNoise
 from symbrion_gym._src.swarm.docks import find_groups
 from symbrion_gym._src.swarm.options import SwarmOptions, make_world
 from symbrion_gym._src.swarm.placing import find_across, find_field, scatter

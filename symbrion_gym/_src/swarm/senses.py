@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.robot.scout_sensors import SensorNoise, find_scout_rays
+from symbrion_gym._src.robot.scout import find_scout_rays
+from symbrion_gym._src.robot.scout_constants import SensorNoise
 from symbrion_gym._src.swarm.docks import make_organism
 from symbrion_gym._src.swarm.dynamic.assembly import compute_contact_forces
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld

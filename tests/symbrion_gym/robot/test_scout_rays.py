@@ -3,9 +3,8 @@
 import mujoco
 import numpy as np
 
-from symbrion_gym._src.robot.scout import make_scout
+from symbrion_gym._src.robot.scout import find_scout_rays, make_scout
 from symbrion_gym._src.robot.scout_constants import SIDES
-from symbrion_gym._src.robot.scout_sensors import find_scout_rays
 
 
 def test_rays_begin_and_look_as_the_sites_of_the_model():

@@ -5,7 +5,7 @@ import pytest
 
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import Docking
-from symbrion_gym._src.robot.scout_sensors import find_scout_rays
+from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.swarm.behavior.hearing import (
     HearingConfig,
     compute_brightness,

@@ -5,8 +5,8 @@ import pytest
 from made_ground import make_block, make_floor, make_sheet
 
 import symbrion_gym as sg
-from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.scout_sensors import LASER_HEIGHT, SensorNoise, find_scout_rays
+from symbrion_gym._src.robot.scout import LASER_HEIGHT, find_scout_rays
+from symbrion_gym._src.robot.scout_constants import ScoutConfig, SensorNoise
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.kinematic.motion import KinematicConfig
 from symbrion_gym._src.swarm.senses import Senses

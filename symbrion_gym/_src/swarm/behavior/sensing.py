@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.robot.scout_sensors import find_scout_rays
 from symbrion_gym._src.swarm.behavior.hearing import HearingConfig, find_geometry, hear, read_wires
 from symbrion_gym._src.swarm.behavior.percepts import Percepts, Wired, Words
 from symbrion_gym._src.swarm.senses import Senses

@@ -10,7 +10,7 @@ import numpy as np
 
 from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.robot.scout_sensors import find_scout_rays
+from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.swarm.docks import compute_dock_poses
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from symbrion_gym._src.environment.episodes import Episodes
 from symbrion_gym._src.environment.observation import LARGEST_DISTANCE, NOTHING_HIT, Observer
 from symbrion_gym._src.environment.warp.device.state import Course, DeviceGround, DeviceState, Episode
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.robot.organism_sensors import MEASURED
+from symbrion_gym._src.robot.organism import MEASURED
 from symbrion_gym._src.tasks.terms import Reward, Termination
 
 
