@@ -13,12 +13,10 @@ from reconstruction._src.base.lazy import export_lazily
 from symbrion_gym._src.registration import register
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.arena import Arena, color_arena
+    from symbrion_gym._src.arenas.arena import Arena, color_arena, place_objects
     from symbrion_gym._src.arenas.course import Course, StairsCourse
     from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
-    from symbrion_gym._src.arenas.loading import load_arena
-    from symbrion_gym._src.arenas.making import load_tiles, make_arena
-    from symbrion_gym._src.arenas.object_placing import place_objects
+    from symbrion_gym._src.arenas.making import load_arena, load_tiles, make_arena
     from symbrion_gym._src.environment.organism_env import OrganismEnv
     from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
     from symbrion_gym._src.environment.stable_baselines import make_sb3_env

@@ -8,8 +8,7 @@ from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.scans.preprocess import preprocess, thin
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.arenas.making import load_arena, make_arena
 from symbrion_gym._src.arenas.saving import find_own_files
 from symbrion_gym._src.sensing.survey import survey
 

@@ -77,7 +77,7 @@ def prepare_arena(arena: ArenaSource, progress: Progress = silent) -> ArenaSourc
         return arena
     key = str(arena), _find_time(Path(arena))
     if key not in _arenas:
-        from symbrion_gym._src.arenas.loading import load_arena
+        from symbrion_gym._src.arenas.making import load_arena
 
         found = load_arena(str(arena), progress=progress)
         while len(_arenas) >= MAX_ARENAS:

@@ -98,7 +98,7 @@ def add_joints(
     """
     sign = 1.0 if lifts else -1.0
     ahead = sign * np.array([np.cos(pose.heading), np.sin(pose.heading), 0.0])
-    joints = [("hinge", [ahead[1], -ahead[0], 0.0], config.hinge_range, config.hinge_torque)]
+    joints = [("hinge", np.array([ahead[1], -ahead[0], 0.0]), config.hinge_range, config.hinge_torque)]
     if config.dofs == 2:
         joints.append(("twist", ahead, config.twist_range, config.twist_torque))
     for kind, axis, limit, torque in joints if lifts else reversed(joints):

@@ -115,7 +115,7 @@ def take_arena(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> Arena:
     """
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.arenas.course import Course, StairsCourse
-    from symbrion_gym._src.arenas.loading import load_arena
+    from symbrion_gym._src.arenas.making import load_arena
 
     if isinstance(arena, str) and arena in ("truth", "stairs"):
         kind = StairsCourse if arena == "stairs" else Course

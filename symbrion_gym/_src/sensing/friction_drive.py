@@ -69,7 +69,7 @@ def find_friction_robot(
 ) -> tuple[FrictionRobot | None, Arena | None]:
     """Return the robot that feels the ground, and the ground; None for both where it is not to be felt."""
     from symbrion_gym._src.arenas.arena import Arena
-    from symbrion_gym._src.arenas.loading import load_arena
+    from symbrion_gym._src.arenas.making import load_arena
     from symbrion_gym._src.assets import NAMED_ARENAS
 
     if friction is False:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from reconstruction._src.base.range_checks import check_choice
-from symbrion_gym._src.arenas.surface_colors import compute_distances
+from symbrion_gym._src.arenas.texture import compute_distances
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.camera import CameraConfig, expose, round_to_pixels
 from symbrion_gym._src.sensing.laser_scanner import LaserScanner

@@ -228,7 +228,7 @@ def _find_surface(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> trimesh
     """Return the surface of whatever a survey takes as an arena."""
     surface = arena
     if isinstance(arena, (str, os.PathLike)):
-        from symbrion_gym._src.arenas.loading import load_arena
+        from symbrion_gym._src.arenas.making import load_arena
         from symbrion_gym._src.assets import NAMED_ARENAS
 
         if str(arena) in NAMED_ARENAS or os.path.isdir(arena):

@@ -9,7 +9,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.scout_constants import SIDES, SensorNoise
 from symbrion_gym._src.swarm.docks import find_groups

@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 import symbrion_gym as sg
-from symbrion_gym._src.arenas.scan_quality import report_accuracy
+from symbrion_gym._src.arenas.making import report_accuracy
 from symbrion_gym._src.contact.quality import ArenaQuality
 
 GROUND = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])

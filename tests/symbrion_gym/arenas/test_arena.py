@@ -18,8 +18,7 @@ import reconstruction as rc
 from reconstruction._src.geometry.halfspaces import find_box
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.arenas.making import load_arena, make_arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
 from symbrion_gym._src.contact.deadline import Deadline
 from symbrion_gym._src.contact.quality import ArenaQuality, measure_arena

@@ -13,8 +13,7 @@ import trimesh
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.checks import check_piece
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.arenas.making import load_arena, make_arena
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.errors import ArenaError
 

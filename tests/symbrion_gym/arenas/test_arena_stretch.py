@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from reconstruction._src.geometry.halfspaces import find_box
-from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.arena import Arena, stretch_arena
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.arenas.stretch import stretch_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.arena import Arena, stretch_arena
 from symbrion_gym._src.arenas.course import Course, make_course
 from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch, find_piece_patches, split_pieces
 from symbrion_gym._src.arenas.spec import PATCH_PRIORITY
-from symbrion_gym._src.arenas.stretch import stretch_arena
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError

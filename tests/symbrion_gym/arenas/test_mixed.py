@@ -10,8 +10,8 @@ import pytest
 import trimesh
 
 import symbrion_gym as sg
+from symbrion_gym._src.arenas.arena import stretch_arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym._src.arenas.stretch import stretch_arena
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import trimesh
 import symbrion_gym as sg
 from reconstruction._src.geometry.pose import make_rotation
 from reconstruction._src.objects.finding import FoundObject
+from symbrion_gym._src.arenas.arena import stretch_arena
 from symbrion_gym._src.arenas.placed_objects import PlacedObject, find_object
-from symbrion_gym._src.arenas.stretch import stretch_arena
 from symbrion_gym._src.errors import ArenaError
 
 BOX = trimesh.creation.box((0.1, 0.2, 0.3))

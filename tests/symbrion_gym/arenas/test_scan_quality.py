@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from symbrion_gym._src.arenas.scan_quality import add_scan_quality, simulate_readings
+from symbrion_gym._src.arenas.making import add_scan_quality, simulate_readings
 from symbrion_gym._src.arenas.scanned import ScannedSurface
 from symbrion_gym._src.contact.quality import ArenaQuality
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.assets import SCANNED, find_assets
 from symbrion_gym._src.errors import ArenaError
 

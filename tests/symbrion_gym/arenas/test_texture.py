@@ -11,7 +11,7 @@ from constants import with_constants
 import symbrion_gym as sg
 from reconstruction._src.scans.cloud import Cloud
 from symbrion_gym._src.arenas import texture
-from symbrion_gym._src.arenas.stretch import stretch_arena
+from symbrion_gym._src.arenas.arena import stretch_arena
 from symbrion_gym._src.arenas.texture import (
     SurfaceTexture,
     iterate_texels,

@@ -8,7 +8,7 @@ import trimesh
 from benchmarks.material.bare_surfaces import make_bare
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import ArenaError

@@ -11,7 +11,7 @@ import mujoco
 import pytest
 from exported import make_mixed_arena
 
-from symbrion_gym._src.arenas.export.obj import LOADERS
+from symbrion_gym._src.arenas.export.export import LOADERS
 
 BALL = """<mujoco><worldbody><body name="ball" pos="4.3 1.5 1"><freejoint/><geom size="0.05"/></body>
 </worldbody></mujoco>"""

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.material.bare_surfaces import make_bare
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.tasks.features.ramp import RampSearch, find_ramp, find_ramps
