@@ -6,7 +6,6 @@ import pytest
 import symbrion_gym as sg
 from symbrion_gym._src.errors import OptionError, SurveyError
 from symbrion_gym._src.robot.scout_constants import SensorNoise
-from symbrion_gym._src.sensing.survey_world import SurveyRoom
 from symbrion_gym._src.tasks.audit_checks import AuditLimits
 from symbrion_gym._src.tasks.features.gap import GapSearch
 from symbrion_gym._src.tasks.route import RouteMargins, SuccessCriteria
@@ -24,8 +23,6 @@ from symbrion_gym._src.tasks.route import RouteMargins, SuccessCriteria
         (GapSearch, {"wall_steps": 0}),
         (GapSearch, {"agreement": 0.0}),
         (SensorNoise, {"laser": np.nan}),
-        (SurveyRoom, {"height": 0.0}),
-        (SurveyRoom, {"pilaster_width": (0.5, 0.2)}),
         (AuditLimits, {"max_speed": "fast"}),
         (AuditLimits, {"rolled_over": -2.0}),
         (sg.ScoutConfig, {"laser_beams": 0}),

@@ -7,7 +7,7 @@ import pytest
 import reconstruction as rc
 import symbrion_gym as sg
 from symbrion_gym._src.errors import ArenaError, SurveyError
-from symbrion_gym._src.sensing.camera import expose, look_at, round_to_pixels
+from symbrion_gym._src.sensing.survey_robot import expose, look_at, round_to_pixels
 
 PATH = [[-3.5, 1.4], [-1.0, 1.4]]
 
@@ -112,7 +112,7 @@ def test_an_arena_without_colors_is_refused():
     arena = sg.Arena.from_course(sg.Course())
     with pytest.raises(SurveyError, match="no colors"):
         sg.survey(arena, path=PATH, camera=True)
-    with pytest.raises(SurveyError, match="Arena with colors"):
+    with pytest.raises(SurveyError, match="no colors"):
         sg.survey(arena.surface, path=PATH, camera=True)
 
 

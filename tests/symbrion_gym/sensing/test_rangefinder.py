@@ -6,8 +6,8 @@ import pytest
 import trimesh
 
 from symbrion_gym._src.errors import ArenaError
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
 from symbrion_gym._src.sensing.rangefinder import RangeFinder
+from symbrion_gym._src.sensing.survey_robot import LaserScanner
 
 WORLD = """
 <mujoco>

@@ -14,8 +14,8 @@ from reconstruction._src.scans.preprocess import preprocess, remove_mixed_pixels
 from reconstruction._src.scans.scan_log_file import load_scan_log
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.errors import ArenaError
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
 from symbrion_gym._src.sensing.survey import SurveyRobot, drive, make_path, survey
+from symbrion_gym._src.sensing.survey_robot import LaserScanner
 
 SURFACE = Course(pit=0.40).surface()
 QUICK = SurveyRobot(speed=0.5, scan_rate=8.0, rest=2.0)

@@ -178,7 +178,7 @@ def format_usd(content: Content) -> dict[str, bytes]:
     contact.CreatePurposeAttr(UsdGeom.Tokens.guide)
     for solid in content.solids:
         prim, approximation = _add_solid(stage, solid)
-        _make_collider(prim, approximation, patches.get(solid.friction, ground))
+        _make_collider(prim, approximation, ground if solid.friction is None else patches[solid.friction])
     if geometry.height_field is not None:
         mesh = _add_mesh(stage, f"{_ROOT}/contact/height_field", geometry.height_field.as_mesh())
         _make_collider(mesh.GetPrim(), "none", ground)  # its triangles, as they are
