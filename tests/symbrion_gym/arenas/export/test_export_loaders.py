@@ -39,14 +39,6 @@ def put_stand_in(monkeypatch: pytest.MonkeyPatch, place: str, name: str, **field
     setattr(sys.modules[place], name, dataclasses.make_dataclass(name, described, kw_only=True))
 
 
-@pytest.mark.parametrize("text", [text for loaders in LOADERS.values() for text in loaders.values()])
-def test_loaders_are_short(text: str) -> None:
-    lines = [
-        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(('"""', "#"))
-    ]
-    assert len(lines) <= 12
-
-
 def test_the_loader_for_playground_gives_a_model_that_moves(tmp_path: Path) -> None:
     make_mixed_arena().export(tmp_path, "mjcf")
     model = run_loader(tmp_path / "load_playground.py").load_model(BALL)
