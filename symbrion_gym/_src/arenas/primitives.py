@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,7 +12,6 @@ import trimesh
 from jaxtyping import Bool
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.surfaces.primitives.find import Primitives, find_primitives
 from reconstruction._src.surfaces.primitives.primitive import Primitive, PrimitivesConfig
 from symbrion_gym._src.contact.distances import SurfaceDistance
@@ -115,38 +114,6 @@ _FAR = 1e6  # Farther out is no arena [m]
 _ROTATION = 1e-6  # Largest deviation of axes from a rotation
 
 
-@dataclass(frozen=True)
-class _Row:
-    """A primitive in `arena.json`."""
-
-    kind: Literal["plane", "box", "sphere", "cylinder"]
-    center: tuple[float, float, float]
-    axes: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-    half_sizes: tuple[float, float, float]
-
-    def __post_init__(self) -> None:
-        axes, sizes = np.array(self.axes), np.array(self.half_sizes)
-        count = {"sphere": 1, "cylinder": 2}.get(self.kind, 3)
-        if not (sizes[:count] > 0).all() or not (np.abs([*self.center, *sizes]) < _FAR).all():
-            raise ArenaError(
-                f"a {self.kind} has sizes {self.half_sizes} at {self.center}; lengths above 0 are needed"
-            )
-        if not np.allclose(axes @ axes.T, np.eye(3), atol=_ROTATION) or np.linalg.det(axes) < 0:
-            raise ArenaError(f"the axes of a {self.kind} are {self.axes}; a rotation is needed")
-
-
-@dataclass(frozen=True)
-class _Table:
-    """All primitives in `arena.json`."""
-
-    tolerance: float
-    shapes: tuple[_Row, ...]
-
-    def __post_init__(self) -> None:
-        if not 0 < self.tolerance < _FAR:
-            raise ArenaError(f"the tolerance of primitives is {self.tolerance}; a length above 0 is needed")
-
-
 def find_arena_primitives(surface: trimesh.Trimesh, seed: int) -> Primitives:
     """Return the primitives of an arena's surface; no rectangles where they would not make beams cheaper."""
     try:
@@ -158,31 +125,41 @@ def find_arena_primitives(surface: trimesh.Trimesh, seed: int) -> Primitives:
 
 def primitives_to_dict(primitives: Primitives) -> dict[str, Any]:
     """Return primitives for JSON."""
-    return {
-        "tolerance": primitives.tolerance,
-        "shapes": [
-            {
-                "kind": one.kind,
-                "center": one.center.tolist(),
-                "axes": one.axes.tolist(),
-                "half_sizes": one.half_sizes.tolist(),
-            }
-            for one in primitives.shapes
-        ],
-    }
+    names = ("center", "axes", "half_sizes")
+    rows = [
+        {"kind": one.kind} | {name: getattr(one, name).tolist() for name in names}
+        for one in primitives.shapes
+    ]
+    return {"tolerance": primitives.tolerance, "shapes": rows}
 
 
 def primitives_from_dict(content: dict[str, Any]) -> Primitives:
     """Return what `primitives_to_dict` was made of."""
     try:
-        table = as_type(content, _Table, "primitives")
-    except JsonError as error:
-        raise ArenaError(str(error)) from error
-    shapes = [
-        Primitive(row.kind, np.array(row.center), np.array(row.axes), np.array(row.half_sizes))
-        for row in table.shapes
-    ]
-    return Primitives(shapes, table.tolerance, PrimitivesConfig())
+        tolerance = float(content["tolerance"])
+        shapes = [_read_primitive(row) for row in content["shapes"]]
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ArenaError(f"primitives: {error}") from error
+    if not 0 < tolerance < _FAR:
+        raise ArenaError(f"the tolerance of primitives is {tolerance}; a length above 0 is needed")
+    return Primitives(shapes, tolerance, PrimitivesConfig())
+
+
+def _read_primitive(row: dict[str, Any]) -> Primitive:
+    kind, center, axes, sizes = (
+        row["kind"],
+        *(np.array(row[n], float) for n in ("center", "axes", "half_sizes")),
+    )
+    if kind not in _GEOMS:
+        raise ValueError(f"there is no kind {kind!r}; there are: {', '.join(_GEOMS)}")
+    if center.shape != (3,) or sizes.shape != (3,) or axes.shape != (3, 3):
+        raise ValueError(f"a {kind} needs a center, axes and half sizes of three coordinates")
+    count = {"sphere": 1, "cylinder": 2}.get(kind, 3)
+    if not (sizes[:count] > 0).all() or not (np.abs([*center, *sizes]) < _FAR).all():
+        raise ValueError(f"a {kind} has sizes {sizes} at {center}; lengths above 0 are needed")
+    if not np.allclose(axes @ axes.T, np.eye(3), atol=_ROTATION) or np.linalg.det(axes) < 0:
+        raise ValueError(f"the axes of a {kind} are {axes.tolist()}; a rotation is needed")
+    return Primitive(kind, center, axes, sizes)
 
 
 def find_solids(primitives: Primitives | None) -> list[Primitive]:

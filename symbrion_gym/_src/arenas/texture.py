@@ -12,6 +12,8 @@ import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int, UInt8
+from scipy.ndimage import map_coordinates
+from scipy.spatial import cKDTree
 
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.surfaces.color import WHITE, ColorSource, Paint, add_alpha
@@ -170,16 +172,10 @@ class SurfaceTexture(NamedTuple):
     ) -> Float[np.ndarray, "N 3"]:
         """Return the colors (0 to 1) of places on faces, between texels as a renderer takes them."""
         height, width = self.image.shape[:2]
-        uv = np.einsum("nk,nki->ni", weights, self.uv[face])
-        column, row = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
-        left, top = np.floor(column).astype(int), np.floor(row).astype(int)
-        total = np.zeros((len(uv), 3))
-        for down in (0, 1):
-            for right in (0, 1):
-                share = np.abs(1 - right - (column - left)) * np.abs(1 - down - (row - top))
-                rows, columns = np.clip(top + down, 0, height - 1), np.clip(left + right, 0, width - 1)
-                total += share[:, None] * self.image[rows, columns]
-        return total / WHITE
+        u, v = np.einsum("nk,nki->in", weights, self.uv[face])
+        at = np.stack([(1.0 - v) * height - 0.5, u * width - 0.5])
+        channels = [map_coordinates(self.image[..., k], at, float, order=1, mode="nearest") for k in range(3)]
+        return np.stack(channels, axis=1) / WHITE
 
 
 def make_texture(mesh: trimesh.Trimesh, cloud: Cloud) -> SurfaceTexture:
@@ -231,8 +227,6 @@ def check_texture(texture: SurfaceTexture, mesh: trimesh.Trimesh, what: object) 
 
 def _compute_spacing(cloud: Cloud) -> float:
     """Return the distance between neighboring colored points [m]."""
-    from scipy.spatial import cKDTree
-
     tree = cKDTree(cloud.points, balanced_tree=False, compact_nodes=False)
     probes = cloud.points[:: max(1, cloud.num_points // _PROBES)]
     count = min(_SPACING_NEIGHBOR + 1, cloud.num_points)
