@@ -176,7 +176,7 @@ def _cut_out(piece: trimesh.Trimesh, outline: Outline) -> tuple[list[trimesh.Tri
     left, outside = piece, []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         normal = np.array([start[1] - end[1], end[0] - start[0], 0.0]) / np.hypot(*(end - start))
-        within, beyond = _cut(left, normal, float(normal[:2] @ start))
+        within, beyond = cut_solid(left, normal, float(normal[:2] @ start))
         if within is None:
             return [], [piece]
         outside += [] if beyond is None else [beyond]
@@ -184,10 +184,10 @@ def _cut_out(piece: trimesh.Trimesh, outline: Outline) -> tuple[list[trimesh.Tri
     return [left], outside
 
 
-def _cut(
+def cut_solid(
     piece: trimesh.Trimesh, normal: Float[np.ndarray, " 3"], offset: float
 ) -> tuple[trimesh.Trimesh | None, trimesh.Trimesh | None]:
-    """Return the parts of a piece above and below a plane; None for one that would be a sliver."""
+    """Return the parts of a convex solid above and below a plane; None for one that would be a sliver."""
     vertices = np.asarray(piece.vertices, dtype=np.float64)
     height = vertices @ normal - offset
     if height.min() >= -SLIVER:

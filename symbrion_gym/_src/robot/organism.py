@@ -224,10 +224,8 @@ def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> PlanarPose
 
 def _check_dockings(organism: Organism) -> None:
     if len(organism.dockings) != organism.num_modules - 1:
-        raise OrganismError(
-            f"{organism.num_modules} modules need {organism.num_modules - 1} dockings to be one tree, "
-            f"got {len(organism.dockings)}"
-        )
+        need = f"{organism.num_modules} modules need {organism.num_modules - 1} dockings to be one tree"
+        raise OrganismError(f"{need}, got {len(organism.dockings)}")
     used: set[tuple[int, str]] = set()
     for module, side in (end for docking in organism.dockings for end in docking.ends):
         organism.scout.compute_dock(side)
@@ -248,18 +246,15 @@ def _check_overlap(organism: Organism) -> None:
     close = np.argwhere(np.triu(distance < organism.scout.size[0] - _ROUNDING, k=1))
     if len(close):
         first, second = close[0]
-        raise OrganismError(
-            f"modules {first} and {second} overlap when the hinges are straight; dock one of them elsewhere"
-        )
+        raise OrganismError(f"modules {first} and {second} overlap with straight hinges; dock one elsewhere")
 
 
 def _find_rigid_groups(organism: Organism) -> dict[Part, RigidGroup]:
     """Return for each part all parts that move with it."""
     from scipy.cluster.hierarchy import DisjointSet
 
-    modules = range(organism.num_modules)
-    groups = DisjointSet([(kind, i) for i in modules for kind in ("chassis", "arm")])
-    for i in set(modules) - set(organism.hinges):
+    groups = DisjointSet([(kind, i) for i in range(organism.num_modules) for kind in ("chassis", "arm")])
+    for i in set(range(organism.num_modules)) - set(organism.hinges):
         groups.merge(("chassis", i), ("arm", i))
     for docking in organism.dockings:
         groups.merge(*(("arm" if side == "front" else "chassis", module) for module, side in docking.ends))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
 from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, UInt8
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.range_checks import check_choice
@@ -19,19 +20,14 @@ from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, e
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
 
-_STEP_BEYOND = 1e-6  # How far behind an excluded geom a ray goes on [m]
-_MAX_LAYERS = 32
-"""A ray that meets more excluded geoms than this hits nothing: an organism has fewer along any line."""
-
 
 class RangeFinder:
     """A range finder at a site: what it would read there now.
 
     Its beams lie in the site's x-y plane, beam angle 0 along x, unless other directions are given. Rays see
     every geom but those of group 3 (an arena's contact pieces, which are not where the surface is) and those of the
-    excluded bodies. One `mj_multiRay` casts a scan; where beams meet an excluded body first, those beams are cast once
-    more from behind it. With a generator the reading has the scanner's errors, the same as in a survey
-    (`LaserScanner`), and needs a second cast for the rims of the light spots.
+    excluded bodies, in the shape that the model had when the finder was made. With a generator the reading has the
+    scanner's errors, the same as in a survey (`LaserScanner`), and needs a second cast for the rims of the light spots.
 
     Attributes:
         scanner: beams, range and errors.
@@ -63,7 +59,8 @@ class RangeFinder:
             SurveyError: there is no such site or body, a direction has no length, or a group
                 holds contact shapes.
         """
-        self._model = model
+        if CONTACT_GROUP in set(groups):
+            raise SurveyError(f"geom group {CONTACT_GROUP} holds contact shapes, which are not the surface")
         self.site = _find_id(model, mujoco.mjtObj.mjOBJ_SITE, site)
         self.scanner = scanner or LaserScanner()
         self.directions = self._find_directions(directions)
@@ -71,11 +68,9 @@ class RangeFinder:
         if exclude is not None:
             bodies = [_find_id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in exclude]
         bodies = [body for body in bodies if body > 0]  # the world is the body of no site that moves
-        self._is_excluded = np.isin(model.geom_bodyid, bodies)
-        self._first_body = bodies[0] if len(bodies) else -1
+        self._model = copy(model)  # in which what is excluded is in a group that is not seen
+        self._model.geom_group[np.isin(model.geom_bodyid, bodies)] = CONTACT_GROUP
         self._groups = np.isin(np.arange(mujoco.mjNGROUP), list(groups)).astype(np.uint8)
-        if CONTACT_GROUP in set(groups):
-            raise SurveyError(f"geom group {CONTACT_GROUP} holds contact shapes, which are not the surface")
 
     @property
     def num_beams(self) -> int:
@@ -93,7 +88,14 @@ class RangeFinder:
         pose[:3, :3], pose[:3, 3] = data.site_xmat[self.site].reshape(3, 3), data.site_xpos[self.site]
 
         def cast(origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-            return self._cast(data, origin, directions)
+            count, flat = len(directions), np.ascontiguousarray(directions).ravel()
+            distances, geoms = np.empty(count), np.empty(count, np.int32)
+            place, limits = np.ascontiguousarray(origin), (None, count, mujoco.mjMAXVAL)
+            mujoco.mj_multiRay(
+                self._model, data, place, flat, self._groups, True, -1, geoms, distances, *limits
+            )
+            distances[geoms < 0] = np.inf
+            return distances
 
         if rng is not None:
             return self.scanner.scan(cast, pose, rng, self.directions)[0]
@@ -108,46 +110,6 @@ class RangeFinder:
         if array.ndim != 2 or array.shape[1] != 3 or not (np.isfinite(length) & (length > 0)).all():
             raise SurveyError(f"directions must be [R, 3] vectors with a length, got shape {array.shape}")
         return array / length
-
-    def _cast(
-        self, data: mujoco.MjData, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
-    ) -> Float[np.ndarray, " R"]:
-        """Return distances to the first geom that is not excluded, inf where there is none."""
-        distances, geoms = self._cast_once(data, origin, directions)
-        for ray in np.flatnonzero((geoms >= 0) & self._is_excluded[geoms]):
-            distances[ray], geoms[ray] = self._go_on(data, origin, directions[ray], distances[ray])
-        distances[geoms < 0] = np.inf
-        return distances
-
-    def _cast_once(
-        self, data: mujoco.MjData, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
-    ) -> tuple[Float[np.ndarray, " R"], Int[np.ndarray, " R"]]:
-        """Return distances to the first geom and its id; -1 where there is none."""
-        count = len(directions)
-        distances, geoms = np.empty(count), np.empty(count, np.int32)
-        mujoco.mj_multiRay(
-            self._model, data, np.ascontiguousarray(origin), np.ascontiguousarray(directions).ravel(),
-            self._groups, True, self._first_body, geoms, distances, None, count, mujoco.mjMAXVAL,
-        )  # fmt: skip
-        return distances, geoms
-
-    def _go_on(
-        self,
-        data: mujoco.MjData,
-        origin: Float[np.ndarray, " 3"],
-        direction: Float[np.ndarray, " 3"],
-        distance: float | Float[np.ndarray, ""],
-    ) -> tuple[float, int]:
-        """Follow a ray through excluded geoms; return the distance and what is hit at last, -1: nothing."""
-        for _ in range(_MAX_LAYERS):
-            distance += _STEP_BEYOND
-            further, geoms = self._cast_once(data, origin + distance * direction, direction[None])
-            if geoms[0] < 0:
-                return np.inf, -1
-            distance += float(further[0])
-            if not self._is_excluded[geoms[0]]:
-                return float(distance), int(geoms[0])
-        return np.inf, -1
 
 
 def _find_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str | int) -> int:

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
 from reconstruction._src.geometry.rows import make_hull
-from symbrion_gym._src.arenas.friction_map import FrictionMap
+from symbrion_gym._src.arenas.friction_map import FrictionMap, cut_solid
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.arenas.spec import ArenaGeometry, Solid, make_solids
 from symbrion_gym._src.errors import ArenaError
@@ -25,18 +25,14 @@ _MOST_CUTS = 6
 """How often a solid is halved; what then still has too many vertices is approximated from inside."""
 
 
-def limit_vertices(solid: trimesh.Trimesh, most: int) -> tuple[list[trimesh.Trimesh], float]:
+def limit_vertices(
+    solid: trimesh.Trimesh, most: int, cuts_left: int = _MOST_CUTS
+) -> tuple[list[trimesh.Trimesh], float]:
     """Return convex solids of at most some vertices in place of one, and how far that sticks out of them [m]."""
     if len(solid.vertices) <= most:
         return [solid], 0.0
-    return _limit(np.asarray(solid.vertices, dtype=np.float64), most, _MOST_CUTS)
-
-
-def _limit(
-    points: Float[np.ndarray, "N 3"], most: int, cuts_left: int
-) -> tuple[list[trimesh.Trimesh], float]:
-    hull = make_hull(points)
-    if hull is None:  # a sliver of a cut, thinner than rounding
+    hull = make_hull(np.asarray(solid.vertices, dtype=np.float64))
+    if hull is None:  # thinner than rounding
         return [], 0.0
     corners = np.asarray(hull.vertices)
     if len(corners) <= most:
@@ -45,8 +41,12 @@ def _limit(
     reduced = make_hull(corners[chosen])
     if reduced is not None and (deviation <= _TOLERANCE or cuts_left == 0):
         return [reduced], deviation
-    halves = [_limit(half, most, max(cuts_left - 1, 0)) for half in _halve(hull)]
-    return [part for parts, _ in halves for part in parts], max(deviation for _, deviation in halves)
+    axis = int(np.ptp(corners, axis=0).argmax())
+    along = corners[:, axis]
+    place = float(np.clip(np.median(along), *np.quantile([along.min(), along.max()], [0.25, 0.75])))
+    halves = [half for half in cut_solid(hull, np.eye(3)[axis], place) if half is not None]
+    limited = [limit_vertices(half, most, max(cuts_left - 1, 0)) for half in halves]
+    return [part for parts, _ in limited for part in parts], max(each for _, each in limited)
 
 
 def _choose_corners(corners: Float[np.ndarray, "N 3"], most: int) -> tuple[Int[np.ndarray, " M"], float]:
@@ -69,22 +69,6 @@ def _choose_corners(corners: Float[np.ndarray, "N 3"], most: int) -> tuple[Int[n
             break
         chosen.append(farthest)
     return np.array(chosen[:most]), max(float(outside.max()), 0.0)
-
-
-def _halve(hull: trimesh.Trimesh) -> tuple[Float[np.ndarray, "A 3"], Float[np.ndarray, "B 3"]]:
-    """Return the corners of both halves of a solid, cut across the longest side of its bounding box."""
-    corners = np.asarray(hull.vertices)
-    axis = int(np.ptp(corners, axis=0).argmax())
-    along = corners[:, axis]
-    place = float(np.clip(np.median(along), *np.quantile([along.min(), along.max()], [0.25, 0.75])))
-    begin, end = corners[hull.edges_unique[:, 0]], corners[hull.edges_unique[:, 1]]
-    crosses = (begin[:, axis] - place) * (end[:, axis] - place) < 0
-    begin, end = begin[crosses], end[crosses]
-    share = (place - begin[:, axis]) / (end[:, axis] - begin[:, axis])
-    section = begin + share[:, None] * (end - begin)
-    return np.concatenate([corners[along <= place], section]), np.concatenate(
-        [corners[along >= place], section]
-    )
 
 
 @dataclass(frozen=True)
