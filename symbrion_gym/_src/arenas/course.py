@@ -299,11 +299,10 @@ def _extrude_convex(outline: Float[np.ndarray, "P 2"], width: float) -> trimesh.
     return solid
 
 
-_EDGE = 0.3  # Of a cube of the checker, and width of a stripe [m]
+_EDGE = 0.3  # Of a cube of the checker [m]
 _SHIFT = np.array([0.15, 0.0, 0.125])
 """Of the cubes: no floor, plateau or wall of the courses lies on a side of one [m]."""
 _CHECKER = np.array([[0.85, 0.45, 0.20], [0.15, 0.35, 0.65]])
-_STRIPES = np.array([[0.80, 0.25, 0.25], [0.90, 0.80, 0.30], [0.25, 0.60, 0.35], [0.30, 0.40, 0.75]])
 _WAVES = np.array([[0.9, 0.4, 0.5], [-0.6, 1.1, 0.7], [0.5, -0.8, 1.3]])
 """Wave vectors of red, green and blue in the gradient [rad/m]."""
 _MIDDLE, _SWING = 0.5, 0.35  # Of a channel of the gradient
@@ -314,18 +313,12 @@ def _paint_checker(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]
     return _CHECKER[cube.sum(axis=1) % len(_CHECKER)]
 
 
-def _paint_stripes(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
-    stripe = np.floor((places[:, 0] - _SHIFT[0]) / _EDGE).astype(np.int64)
-    return _STRIPES[stripe % len(_STRIPES)]
-
-
 def _paint_gradient(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
     return _MIDDLE + _SWING * np.sin(places @ _WAVES.T)
 
 
 PATTERNS: dict[str, Callable[[Float[np.ndarray, "N 3"]], Float[np.ndarray, "N 3"]]] = {
     "checker": _paint_checker,
-    "stripes": _paint_stripes,
     "gradient": _paint_gradient,
 }
 """Name -> the function that returns red, green and blue (0 to 1) of positions [m]."""

@@ -41,15 +41,6 @@ def test_a_box_is_cut_into_boxes_and_a_diamond() -> None:
     assert set(np.abs(tops)) == {0.1}, "the top stays one plane, to the bit"
 
 
-def test_what_no_outline_crosses_stays_the_same_object() -> None:
-    near, far = (trimesh.creation.box((1.0, 1.0, 0.2)) for _ in range(2))
-    far.apply_translation((5.0, 0.0, 0.0))
-    touching = trimesh.creation.box((1.0, 1.0, 0.2)).apply_translation((0.0, 1.0005, 0.0))
-    found = FrictionMap((FrictionPatch.of_rectangle((-1.0, -1.0), (1.0, 0.501), 0.3),))
-    parts = split_pieces([near, far, touching], found)
-    assert [any(part is piece for piece in (near, far, touching)) for part in parts] == [True] * 3
-
-
 def test_folder_and_models_carry_the_map(tmp_path) -> None:
     arena = make_iced()
     arena.save(tmp_path / "arena")

@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -15,7 +14,6 @@ from kills import kill_at_each_moment
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.saving import find_own_files
-from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
@@ -90,15 +88,6 @@ def test_only_the_arenas_own_files_are_replaced(folder: Path) -> None:
     assert set(about["files"]) == OWN_NEW
 
 
-def test_a_height_field_goes_when_pieces_take_its_place(tmp_path: Path) -> None:
-    field = HeightField(np.array([[0.0, 1.0], [0.0, 2.0]]), np.zeros(2), np.ones(2))
-    replace(OLD, pieces=[], kind="hfield", height_field=field).save(tmp_path)
-    assert (tmp_path / "height_field.npz").exists()
-    NEW.save(tmp_path)
-    assert list_files(tmp_path) == OWN_NEW
-    assert Arena.load(tmp_path).height_field is None
-
-
 @pytest.mark.parametrize("about", [None, "", "{}", '{"format": 1}', '{"format": 99, "files": []}'])
 def test_a_folder_of_something_else_is_refused_untouched(tmp_path: Path, about: str | None) -> None:
     (tmp_path / "surface.obj").write_text("mine")
@@ -145,15 +134,6 @@ def test_links_are_not_followed_out_of_the_folder(tmp_path: Path, name: str) -> 
     with pytest.raises(ArenaError, match="in the way"):
         NEW.save(folder)
     assert list_files(tmp_path) == before
-
-
-def test_a_file_in_the_place_of_a_folder_is_in_the_way(tmp_path: Path) -> None:
-    NEW.save(tmp_path / "a")
-    (tmp_path / "a" / ".arena").write_text("mine")
-    with pytest.raises(ArenaError, match="in the way"):
-        OLD.save(tmp_path / "a")
-    with pytest.raises(ArenaError, match="is a file"):
-        OLD.save(tmp_path / "a" / "arena.json")
 
 
 def test_a_kill_leaves_the_old_arena_or_the_new_one(folder: Path) -> None:

@@ -11,7 +11,6 @@ from symbrion_gym._src.arenas.texture import (
     SurfaceTexture,
     iterate_texels,
     make_atlas,
-    make_texture,
     paint_texture,
 )
 from symbrion_gym._src.errors import ArenaError
@@ -81,13 +80,6 @@ def test_a_painted_texture_has_the_colors_everywhere():
     face, weights, places = sample(mesh)
     found = paint_texture(mesh, paint, texel=0.02).find_colors(face, weights)
     assert found == pytest.approx(paint(places), abs=0.01)
-
-
-def test_a_texture_of_points_has_their_colors():
-    mesh = make_ground()
-    face, weights, places = sample(mesh)
-    found = make_texture(mesh, make_cloud()).find_colors(face, weights)
-    assert np.sqrt(np.mean((found - paint(places)) ** 2)) < 0.02
 
 
 def test_a_colored_arena_survives_its_folder(tmp_path):

@@ -83,19 +83,6 @@ def test_it_climbs_up_to_the_angle_of_friction(model: str) -> None:
         assert (velocity[0] < -0.1) == (not climbs)
 
 
-def test_four_tracks_are_driven_by_two_handles() -> None:
-    spec, front = make_rover(length=0.25, position=(0.2, 0.0, 0.0))
-    rear = sg.add_tracks(spec, "rover", length=0.25, position=(-0.2, 0.0, 0.0), prefix="rear_")
-    model = spec.compile()
-    names = [model.geom(i).name for i in range(model.ngeom) if model.geom(i).name]
-    assert len(names) == len(set(names)) == 12
-    data = mujoco.MjData(model)
-    for tracks in (front, rear):
-        tracks.drive(model, data, 0.2, 0.2)
-    mujoco.mj_step(model, data, STEPS)
-    assert data.qvel[0] == pytest.approx(0.2, rel=0.02)
-
-
 @pytest.mark.parametrize(("distance", "speed"), [(0.13, 0.2), (0.3, 0.2), (0.2, 0.05)])
 def test_four_tracks_turn_as_stated(distance: float, speed: float) -> None:
     spec, front = make_rover(length=0.25, position=(distance, 0.0, 0.0))

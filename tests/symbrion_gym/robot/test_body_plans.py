@@ -87,12 +87,6 @@ def test_what_does_not_is_refused(what, message):
         load_organism(what)
 
 
-def test_a_file_that_is_too_long_is_no_body_plan(tmp_path):
-    (tmp_path / "long").write_text("SBSF" * 30_000, encoding="utf-8")
-    with pytest.raises(OrganismError, match="longer than"):
-        load_organism(tmp_path / "long")
-
-
 def test_random_trees_repeat_with_the_seed():
     first, second = (make_random_organism(7, np.random.default_rng(3)) for _ in range(2))
     assert first == second

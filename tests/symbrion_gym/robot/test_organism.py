@@ -67,12 +67,6 @@ def test_parents_lead_to_module_0_and_free_sides_see_the_world():
     ]
 
 
-def test_two_arms_front_to_front_have_two_hinges():
-    body = Organism(2, (Docking(0, "front", 1, "front"),))
-    assert body.hinges == (0, 1)
-    assert body.spec().compile().nv == 8
-
-
 @pytest.mark.parametrize(
     ("modules", "dockings", "message"),
     [

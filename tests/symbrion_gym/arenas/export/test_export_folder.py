@@ -43,12 +43,6 @@ def test_heights_are_those_of_the_surface(tmp_path):
     assert columns > rows > 40
 
 
-def test_a_limit_below_that_of_a_box_is_refused(tmp_path):
-    with pytest.raises(ArenaError, match="max_vertices is 7; 8 or more are needed"):
-        make_mixed_arena().export(tmp_path / "out", "mjcf", 7)
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_second_export_replaces_the_first_and_nothing_else(tmp_path):
     arena = make_mixed_arena()
     arena.export(tmp_path, "urdf")
