@@ -32,7 +32,7 @@ def _task(name: str, threshold: float, parameters: dict[str, Any] | None = None,
 
 _SNAKE = {"default_parameters": {"failure_cost": 1.0}, "randomize": _RANDOMIZE}
 _DRIVEN = {**_SNAKE, "track_control": "body"}
-_CROSS = {"track_control": "body"}
+_CROSS: dict[str, Any] = {"track_control": "body"}
 _CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
 _LONE = {"arena": "gsrm", "default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}

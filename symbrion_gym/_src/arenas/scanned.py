@@ -173,7 +173,7 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
         if not isinstance(surface, trimesh.Trimesh):
             return _take_reconstruction(surface, name if ending else "reconstruction", frame)
         vertices = np.asarray(surface.vertices, dtype=np.float64)
-        if vertices.reshape(len(vertices), -1).shape[1] != 3:
+        if np.shape(vertices)[1:] != (3,):
             raise ArenaError(f"{name}: vertices have three coordinates, not {vertices.shape}")
         placed = make_frame(RawPoints(vertices), *frame).place(vertices)
     except (ReconstructionError, ScanError) as error:

@@ -137,22 +137,16 @@ def _compute_weights(size: int, x: np.ndarray, y: np.ndarray, is_lower: np.ndarr
 
 def _decode(codes: Int[np.ndarray, " C"]) -> Int[np.ndarray, "C 2"]:
     """Return column and row on the Z curve."""
-    place = np.zeros((len(codes), 2), dtype=np.int64)
-    for bit in range(16):
-        place[:, 0] |= ((codes >> (2 * bit)) & 1) << bit
-        place[:, 1] |= ((codes >> (2 * bit + 1)) & 1) << bit
-    return place
+    places = [sum(((codes >> (2 * bit + axis)) & 1) << bit for bit in range(16)) for axis in range(2)]
+    return np.stack(places, axis=1)
 
 
 def _compute_codes(places: Float[np.ndarray, "F 3"]) -> Int[np.ndarray, " F"]:
     """Return the place of points along a Z curve in space."""
     low, extent = places.min(axis=0), float(np.ptp(places, axis=0).max())
     steps = ((places - low) / max(extent, np.finfo(float).tiny) * (2**_BITS - 1)).astype(np.int64)
-    codes = np.zeros(len(places), dtype=np.int64)
-    for bit in range(_BITS):
-        for axis in range(3):
-            codes |= ((steps[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return codes
+    bits = [((steps[:, axis] >> bit) & 1) << (3 * bit + axis) for bit in range(_BITS) for axis in range(3)]
+    return np.sum(bits, axis=0)
 
 
 TEXTURE_FILE = "surface.png"
@@ -217,12 +211,8 @@ def check_texture(texture: SurfaceTexture, mesh: trimesh.Trimesh, what: object) 
     image, uv = texture
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
         raise ArenaError(f"{what}: the texture must be bytes [H, W, 3], not {image.dtype} of {image.shape}")
-    if uv.shape != (len(mesh.faces), 3, 2):
-        raise ArenaError(
-            f"{what}: the texture has places of shape {uv.shape} for {len(mesh.faces)} faces, not [F, 3, 2]"
-        )
-    if not (np.isfinite(uv).all() and (uv >= 0).all() and (uv <= 1).all()):
-        raise ArenaError(f"{what}: places in the texture must lie in 0 to 1; build the arena again")
+    if uv.shape != (len(mesh.faces), 3, 2) or not ((uv >= 0) & (uv <= 1)).all():
+        raise ArenaError(f"{what}: {len(mesh.faces)} faces need places [F, 3, 2] in the texture, each 0 to 1")
 
 
 def _compute_spacing(cloud: Cloud) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -38,7 +39,7 @@ def place_modules(body: Organism, route: DrivingRoute) -> Float[np.ndarray, "N 4
 LAYERS = ("surface", "contact", "drivable", "route")  # What can be shown
 CONTACT_OPACITY = 0.35
 _SHOWN_GROUP = 1  # Geom group of what is added; the viewer shows groups 0 to 2 at first
-_LOOK = {"contype": 0, "conaffinity": 0, "group": _SHOWN_GROUP}
+_LOOK: dict[str, Any] = {"contype": 0, "conaffinity": 0, "group": _SHOWN_GROUP}
 _GROUND_COLORS = ((0.22, 0.62, 0.34, 0.7), (0.35, 0.50, 0.80, 0.7), (0.86, 0.45, 0.38, 0.7))
 """Largest drivable region, other drivable regions, other ground."""
 _ROUTE_COLOR = (0.70, 0.0, 0.31, 1.0)

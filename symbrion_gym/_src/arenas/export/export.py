@@ -108,51 +108,39 @@ def _describe(content: Content, to: str) -> dict[str, Any]:
     }
 
 
-def _make_readme(content: Content, to: str) -> str:
-    """Return `README.md`: the files of a format, frame, units and friction."""
-    low, high = content.geometry.surface.bounds
-    extent = " x ".join(f"{side:.2f}" for side in high - low)
-    offset = ", ".join(f"{value:.3f}" for value in content.offset)
-    return (
-        "\n\n".join(
-            [
-                f"# Arena {content.name}",
-                f"An arena from a scan, {extent} m, written by Symbrion Gym for {to.upper()}.",
-                USES[to],
-                _describe_contact(content),
-                f"""- Units are meters, z points up.
+_README = """# Arena {name}
+
+An arena from a scan, {extent} m, written by Symbrion Gym for {to}.
+
+{use}
+
+The contact geometry is {contact}.
+
+- Units are meters, z points up.
 - Coordinates of the scan = coordinates here + ({offset}) m.
-- Sliding friction of the ground: {content.friction:g}{_describe_patches(content, to)}.
+- Sliding friction of the ground: {friction:g}. Patches with another one are listed as `friction_map` in `export.json`;
+  in MJCF and USD the pieces there have it.
 - `heights.npz`: heights of the surface as seen from above (under a ceiling, the ceiling), rows along y, columns along x
   from `low` to `high`; NaN where there is no surface.
-- `export.json`: all of this for programs. `NOTICE.txt`: whose the geometry is.""",
-                "Exporting again replaces the files that `export.json` lists and leaves all others.",
-            ]
-        )
-        + "\n"
+- `export.json`: all of this for programs. `NOTICE.txt`: whose the geometry is.
+
+Exporting again replaces the files that `export.json` lists and leaves all others.
+"""
+
+
+def _make_readme(content: Content, to: str) -> str:
+    """Return `README.md`: the files of a format, frame, units and friction."""
+    deviation = f"within {1e3 * content.deviation:.2f} mm of {len(content.geometry.pieces)} pieces"
+    solids = f"{len(content.solids)} convex solids, {deviation}"
+    return _README.format(
+        name=content.name,
+        extent=" x ".join(f"{side:.2f}" for side in content.geometry.surface.extents),
+        to=to.upper(),
+        use=USES[to],
+        contact=solids if content.geometry.height_field is None else "a height field",
+        offset=", ".join(f"{value:.3f}" for value in content.offset),
+        friction=content.friction,
     )
-
-
-def _describe_patches(content: Content, to: str) -> str:
-    if content.friction_map is None or not content.friction_map.patches:
-        return ""
-    values = ", ".join(f"{patch.friction:.2f}" for patch in content.friction_map.patches)
-    carried = "the pieces there have it" if to in ("mjcf", "usd") else f"{to.upper()} does not carry it"
-    return f"; in patches {values} (`friction_map` in `export.json`; {carried})"
-
-
-def _describe_contact(content: Content) -> str:
-    if content.geometry.height_field is not None:
-        rows, columns = content.geometry.height_field.heights.shape
-        return f"The contact geometry is a height field of {rows} x {columns} heights."
-    text = f"The contact geometry is {len(content.solids)} convex solids"
-    if content.max_vertices is not None:
-        text += f" of at most {content.max_vertices} vertices"
-    if len(content.solids) != len(content.geometry.pieces):
-        text += f", cut from {len(content.geometry.pieces)} pieces"
-    if content.deviation > 0:
-        text += f"; they deviate from the pieces by {1e3 * content.deviation:.2f} mm at most"
-    return text + "."
 
 
 _MJLAB = '''"""Load this arena as the ground of a scene in mjlab: SceneCfg of `make_scene(entities={"robot": ...})`."""
