@@ -208,7 +208,7 @@ def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
     try:
         array = np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))
     except (TypeError, ValueError):
-        array = np.zeros(0)
+        array = np.zeros((0, 3))
     if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
         raise ArenaError(f"viewpoints must be one or more finite positions x, y, z, got {viewpoints!r}")
     return array
