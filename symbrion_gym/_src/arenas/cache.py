@@ -21,7 +21,7 @@ from symbrion_gym._src.contact.kinds import Contact, HeightField
 from symbrion_gym._src.contact.options import ContactOptions
 from symbrion_gym._src.contact.quality import ArenaQuality
 
-_FORMAT = 10  # Raised whenever the way pieces are made or kept changes: old entries are then left alone
+_FORMAT = 9  # Raised whenever the way pieces are made or kept changes: old entries are then left alone
 _LIBRARIES = ("coacd", "libigl", "mujoco", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 
 _logger = logging.getLogger(__name__)
