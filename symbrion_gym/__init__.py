@@ -13,12 +13,10 @@ from reconstruction._src.base.lazy import export_lazily
 from symbrion_gym._src.registration import register
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.arena import Arena, color_arena
+    from symbrion_gym._src.arenas.arena import Arena, color_arena, place_objects
     from symbrion_gym._src.arenas.course import Course, StairsCourse
     from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
-    from symbrion_gym._src.arenas.loading import load_arena
-    from symbrion_gym._src.arenas.making import load_tiles, make_arena
-    from symbrion_gym._src.arenas.object_placing import place_objects
+    from symbrion_gym._src.arenas.making import load_arena, load_tiles, make_arena
     from symbrion_gym._src.environment.making import make_sb3_env
     from symbrion_gym._src.environment.organism_env import OrganismEnv
     from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
@@ -27,13 +25,10 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.body_plans import load_organism, make_random_organism, organism_to_text
     from symbrion_gym._src.robot.organism import Organism, cross, snake
     from symbrion_gym._src.robot.scout import ScoutConfig, make_scout
-    from symbrion_gym._src.sensing.camera import CameraConfig
-    from symbrion_gym._src.sensing.friction_robot import SlipNoise
-    from symbrion_gym._src.sensing.laser_scanner import LaserScanner
-    from symbrion_gym._src.sensing.rangefinder import RangeFinder
-    from symbrion_gym._src.sensing.scout_camera import Camera
+    from symbrion_gym._src.sensing.friction_drive import SlipNoise
+    from symbrion_gym._src.sensing.rangefinder import Camera, RangeFinder
     from symbrion_gym._src.sensing.survey import survey
-    from symbrion_gym._src.sensing.survey_robot import SurveyRobot
+    from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot
     from symbrion_gym._src.sensing.timing import timing
     from symbrion_gym._src.tasks.audit import audit
     from symbrion_gym._src.tasks.catalog import make_task

@@ -12,8 +12,8 @@ import trimesh
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
 from symbrion_gym._src.sensing.rangefinder import RangeFinder
+from symbrion_gym._src.sensing.survey_robot import LaserScanner
 
 NUM_POSES = 24
 _HEIGHT = 0.3

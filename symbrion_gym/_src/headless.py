@@ -6,8 +6,6 @@ MuJoCo reads the choice when it is first imported, so this module is imported be
 import os
 import sys
 
-GL_VARIABLE = "MUJOCO_GL"
-
 
 def has_display() -> bool:
     """Return whether a window can be opened here: macOS and Windows always have a display, Linux may not."""
@@ -17,7 +15,7 @@ def has_display() -> bool:
 def prefer_egl() -> None:
     """Select EGL where there is no display and the user has selected nothing; macOS and Windows refuse EGL."""
     if not has_display():
-        os.environ.setdefault(GL_VARIABLE, "egl")
+        os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 prefer_egl()

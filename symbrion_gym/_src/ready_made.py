@@ -2,46 +2,37 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.scans.preprocess import preprocess
 from reconstruction._src.scans.selection import thin
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.arenas.making import load_arena, make_arena
 from symbrion_gym._src.arenas.saving import find_own_files
 from symbrion_gym._src.sensing.survey import survey
 
-
-class Recipe(NamedTuple):
-    """How a scanned arena is made."""
-
-    method: str  # the network, "gsrm" or "gg"
-    units: int  # its resolution
-
-
-RECIPES = {"gsrm": Recipe("gsrm", 2200), "gg": Recipe("gg", 7000)}
+_UNITS = {"gsrm": 2200, "gg": 7000}  # Network -> its resolution
 SPACING = 0.015  # One point in each cube of this edge [m]: the scanner sees places where it turns very often
-TIME_LIMIT = 3600.0  # Far more than the pieces need [s], so that a busy machine makes the same ones
-EXACT = ("truth", "simple")  # Arenas that need no scan
+_TIME_LIMIT = 3600.0  # Far more than the pieces need [s], so that a busy machine makes the same ones
+_EXACT = ("truth", "simple")  # Arenas that need no scan
 
 
-def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) -> dict[str, Arena]:
+def make_ready_made(folder: str | Path, seed: int = 0, progress: Progress = silent) -> dict[str, Arena]:
     """Make the ready-made arenas and save each in a folder of its name.
 
     The course is looked at by the scanner of the survey alone; the arenas made of its points know nothing of it.
     """
-    for name in (*EXACT, *RECIPES):
+    folder = Path(folder)
+    for name in (*_EXACT, *_UNITS):
         find_own_files(folder / name)  # refuses now what saving would refuse in the end
-    arenas = {name: load_arena(name) for name in EXACT}
+    arenas = {name: load_arena(name) for name in _EXACT}
     progress("survey", 0.0)
     points = thin(preprocess(survey(arenas["truth"], seed=seed)), SPACING)
-    for index, (method, recipe) in enumerate(RECIPES.items(), 1):
-        progress(f"{method}: network and pieces", index / (1 + len(RECIPES)))
-        mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
-        made = make_arena(mesh, name=method, seed=seed, time_limit=TIME_LIMIT)
+    for index, (method, units) in enumerate(_UNITS.items(), 1):
+        progress(f"{method}: network and pieces", index / (1 + len(_UNITS)))
+        mesh = reconstruct(points, method=method, units=units, seed=seed).mesh
+        made = make_arena(mesh, name=method, seed=seed, time_limit=_TIME_LIMIT)
         # Equal seeds make equal files: the time it took is left out.
         arenas[method] = replace(made, quality=replace(made.quality, seconds=0.0))
     for name, arena in arenas.items():

@@ -6,7 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from symbrion_gym._src.robot.sensor_names import DEFAULT_SENSORS
+from symbrion_gym._src.robot.scout_constants import DEFAULT_SENSORS
 
 _RANDOMIZE = {
     "friction": (0.55, 0.9),
@@ -21,87 +21,63 @@ _LOW_FRICTION = (0.55, 0.7)
 _TURNED = {**_RANDOMIZE, "yaw": (-0.5, 0.5)}
 
 
-def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], float]:
+_Entry = tuple[dict[str, Any], float]
+
+
+def _task(name: str, threshold: float, parameters: dict[str, Any] | None = None, **options: Any) -> _Entry:
     """Return the options of an id, and nine tenths of the progress and bonus of a success: so much counts as solved."""
-    parameters = options.pop("parameters", {})
-    randomize = options.pop("randomize", _RANDOMIZE)
-    return {
-        "default_task": name,
-        "default_parameters": parameters,
-        "randomize": randomize,
-        **options,
-    }, threshold
+    task = {"default_task": name, "default_parameters": parameters or {}, "randomize": _RANDOMIZE}
+    return task | options, threshold
 
 
 _DRIVEN = {"randomize": _RANDOMIZE, "track_control": "body"}
-_PLATEAUS = ((-1.9, -0.4), (-0.35, 0.3))
+_CROSS: dict[str, Any] = {"track_control": "body"}
 _CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
-_LONE = {"default_organism": 1, "track_control": "skid", "randomize": _TURNED}
-_FALLEN = {"default_organism": "cross", "track_control": "skid"}
+_LONE = {"arena": "gsrm", "default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
-_SPECS: dict[str, tuple[dict[str, Any], float]] = {
+_TRAVERSE = {"arena": "gsrm", "default_organism": 4, "track_control": "skid"}
+_FLAT = {**_TRAVERSE, "arena": "truth", "default_pit": 0.0}
+_SLIPPERY = {**_TRAVERSE, "randomize": {**_TURNED, "friction": (0.3, 0.45)}}
+_FALLEN = {"default_organism": "cross", "track_control": "skid"}
+_PLACES = {"start": (-3.0, -0.6), "places": ((-2.2, 0.5), (-1.6, -0.5)), "goal": (-0.9, 0.4)}
+_SPECS: dict[str, _Entry] = {
     "SnakePit-v1": ({"randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
     "SnakeRamp-v1": ({**_DRIVEN, "arena": "truth", "pit": 0.0}, 4.2),
     "SnakeStairs-v1": ({**_DRIVEN, "arena": "stairs"}, 2.6),
-    "SnakeTerrain-v1": ({**_DRIVEN, "arena": "gsrm", "default_ends": _PLATEAUS}, 2.0),
-    "CrossGap-easy-v0": _task("cross_gap", 3.2, track_control="body", default_pit=0.35),
-    "CrossGap-v0": _task("cross_gap", 3.3, track_control="body"),
-    "CrossGap-hard-v0": _task(
-        "cross_gap", 3.2, track_control="body", default_pit=0.36, parameters={"bottomless": True}
-    ),
+    "SnakeTerrain-v1": ({**_DRIVEN, "arena": "gsrm", "default_ends": ((-1.9, -0.4), (-0.35, 0.3))}, 2.0),
+    "CrossGap-easy-v0": _task("cross_gap", 3.2, **_CROSS, default_pit=0.35),
+    "CrossGap-v0": _task("cross_gap", 3.3, **_CROSS),
+    "CrossGap-hard-v0": _task("cross_gap", 3.2, {"bottomless": True}, **_CROSS, default_pit=0.36),
     "Climb-easy-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.03}}),
     "Climb-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.05}}),
     "Climb-hard-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.09}}),
-    "Reach-easy-v0": _task("reach", 1.4, arena="gsrm", **_GUIDED, parameters={"distance": 0.6}),
-    "Reach-v0": _task("reach", 2.2, arena="gsrm", **_GUIDED, parameters={"distance": 1.5}),
-    "Reach-hard-v0": _task(
-        "reach",
-        4.4,
-        arena="gsrm",
-        **_GUIDED,
-        parameters={"start": (-3.0, -0.6), "places": ((-2.2, 0.5), (-1.6, -0.5)), "goal": (-0.9, 0.4)},
-    ),
-    "Traverse-easy-v0": _task(
-        "traverse",
-        2.7,
-        arena="truth",
-        default_pit=0.0,
-        default_organism=4,
-        track_control="skid",
-        parameters={"share": 0.4},
-    ),
-    "Traverse-v0": _task("traverse", 2.0, arena="gsrm", default_organism=4, track_control="skid"),
-    "Traverse-hard-v0": _task(
-        "traverse",
-        2.0,
-        arena="gsrm",
-        default_organism=4,
-        track_control="skid",
-        randomize={**_TURNED, "friction": (0.3, 0.45)},
-    ),
-    "Explore-easy-v0": _task("explore", 2.8, arena="gsrm", **_LONE, parameters={"share": 0.4}),
-    "Explore-v0": _task("explore", 4.4, arena="gsrm", **_LONE, parameters={"share": 0.7}),
-    "Explore-hard-v0": _task("explore", 5.4, arena="gsrm", **_LONE, parameters={"share": 0.9}),
-    "Recover-easy-v0": _task("recover", 1.7, **_FALLEN, parameters={"least": 1.3, "most": 1.6}),
-    "Recover-v0": _task("recover", 1.9, **_FALLEN, parameters={"least": 1.5, "most": 1.9}),
-    "Recover-hard-v0": _task("recover", 2.6, **_FALLEN, parameters={"least": 2.4}),
+    "Reach-easy-v0": _task("reach", 1.4, {"distance": 0.6}, **_GUIDED),
+    "Reach-v0": _task("reach", 2.2, {"distance": 1.5}, **_GUIDED),
+    "Reach-hard-v0": _task("reach", 4.4, _PLACES, **_GUIDED),
+    "Traverse-easy-v0": _task("traverse", 2.7, {"share": 0.4}, **_FLAT),
+    "Traverse-v0": _task("traverse", 2.0, **_TRAVERSE),
+    "Traverse-hard-v0": _task("traverse", 2.0, **_SLIPPERY),
+    "Explore-easy-v0": _task("explore", 2.8, {"share": 0.4}, **_LONE),
+    "Explore-v0": _task("explore", 4.4, {"share": 0.7}, **_LONE),
+    "Explore-hard-v0": _task("explore", 5.4, {"share": 0.9}, **_LONE),
+    "Recover-easy-v0": _task("recover", 1.7, {"least": 1.3, "most": 1.6}, **_FALLEN),
+    "Recover-v0": _task("recover", 1.9, {"least": 1.5, "most": 1.9}, **_FALLEN),
+    "Recover-hard-v0": _task("recover", 2.6, {"least": 2.4}, **_FALLEN),
 }
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     f"symbrion_gym/{name}": options for name, (options, _) in _SPECS.items()
 }
 """Id -> options that differ from those of `OrganismEnv`."""
-THRESHOLDS: dict[str, float] = {f"symbrion_gym/{name}": threshold for name, (_, threshold) in _SPECS.items()}
-"""Id -> reward from which on its task counts as solved."""
 
 
 def register() -> None:
     """Register every environment; a second call changes nothing."""
-    for name, options in ENVIRONMENTS.items():
-        if name not in gym.registry:
+    for name, (options, threshold) in _SPECS.items():
+        if f"symbrion_gym/{name}" not in gym.registry:
             gym.register(
-                name,
+                f"symbrion_gym/{name}",
                 entry_point="symbrion_gym._src.environment.organism_env:OrganismEnv",
                 vector_entry_point="symbrion_gym._src.environment.making:make_vector_env",
-                reward_threshold=THRESHOLDS[name],
+                reward_threshold=threshold,  # from which on its task counts as solved
                 kwargs=dict(options),
             )

@@ -5,16 +5,13 @@ import pytest
 
 import symbrion_gym as sg
 from symbrion_gym._src.errors import OptionError, SurveyError
-from symbrion_gym._src.robot.scout_sensors import SensorNoise
-from symbrion_gym._src.sensing.survey_world import SurveyRoom
+from symbrion_gym._src.robot.scout_constants import SensorNoise
 
 
 @pytest.mark.parametrize(
     ("kind", "change"),
     [
         (SensorNoise, {"laser": np.nan}),
-        (SurveyRoom, {"height": 0.0}),
-        (SurveyRoom, {"pilaster_width": (0.5, 0.2)}),
         (sg.ScoutConfig, {"laser_beams": 0}),
         (sg.LaserScanner, {"noise": None}),
     ],

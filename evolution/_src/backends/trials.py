@@ -94,7 +94,7 @@ def prepare_arena(arena: ArenaSource, progress: Progress = silent) -> ArenaSourc
         return arena
     key = find_arena_key(arena)
     if key not in _arenas:
-        from symbrion_gym._src.arenas.loading import load_arena
+        from symbrion_gym._src.arenas.making import load_arena
 
         found = load_arena(str(arena), progress=progress)
         while len(_arenas) >= _MAX_ARENAS:

@@ -10,7 +10,7 @@ import symbrion_gym as sg
 from reconstruction._src.base.range_checks import format_distance, format_share
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.scan_quality import AccuracyReport
+    from symbrion_gym._src.arenas.making import AccuracyReport
 
 
 def make_quality_rows(arena: sg.Arena, report: AccuracyReport) -> list[list[object]]:

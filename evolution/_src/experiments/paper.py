@@ -41,7 +41,7 @@ from reconstruction._src.base.typed_json import JsonError, read_json
 from reconstruction._src.surfaces.quality import compute_distances
 from symbrion_gym._src.contact.quality import measure_arena
 from symbrion_gym._src.ready_made import SPACING
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
+from symbrion_gym._src.sensing.survey_robot import LaserScanner
 
 logger = logging.getLogger(__name__)
 Result = dict[str, Any]  # Plain JSON content

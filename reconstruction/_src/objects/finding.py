@@ -43,9 +43,8 @@ from reconstruction._src.objects.verification import (
     verify_by_beams,
     verify_by_distance,
 )
-from reconstruction._src.scans.cells import compute_cell_keys
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.selection import thin
+from reconstruction._src.scans.selection import compute_cell_keys, thin
 
 if TYPE_CHECKING:
     import trimesh

@@ -16,10 +16,10 @@ from reconstruction._src.geometry.rows import Points, compute_lengths, sum_by_ow
 from reconstruction._src.geometry.sampling import sample_surface
 from reconstruction._src.input_cloud import make_cloud
 from reconstruction._src.objects.model import ObjectModel, compute_spread
-from reconstruction._src.scans.cells import compute_cell_keys
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import make_log_cloud
 from reconstruction._src.scans.scan import ScanLog
+from reconstruction._src.scans.selection import compute_cell_keys
 
 SPACING = 0.008
 """Readings are averaged in cells of this width for the search [m]. Wider: faster, and small parts of an object are

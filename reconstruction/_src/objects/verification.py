@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.rows import compute_lengths, sum_rows
 from reconstruction._src.objects.model import ObjectModel
-from reconstruction._src.scans.cells import compute_cell_keys
 from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.scans.selection import compute_cell_keys
 
 MARGIN = 0.03
 """Readings nearer to the object than this that it does not explain speak against it [m]: it would be a part of

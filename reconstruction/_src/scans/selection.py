@@ -92,14 +92,9 @@ def thin(points: Cloud | ArrayLike, voxel: float) -> Cloud | np.ndarray:
         raise ScanError(f"voxel must be above 0, got {voxel}")
     if not points.num_points:
         return points
-    place = np.floor((points.points - points.points.min(axis=0)) / voxel)
-    size = place.max(axis=0) + 1
-    if size.prod() > _MAX_CELLS:
-        extent = np.ptp(points.points, axis=0).max()
-        raise ScanError(f"cells of {voxel:g} m are too small for an extent of {extent:g} m")
-    x, y, z = place.astype(np.int64).T
-    keys = (x * int(size[1]) + y) * int(size[2]) + z
-    _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    _, index, counts = np.unique(
+        compute_cell_keys(points.points, voxel), return_inverse=True, return_counts=True
+    )
 
     def average(values: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(index, values[:, k]) / counts for k in range(3)], axis=1)
@@ -110,6 +105,17 @@ def thin(points: Cloud | ArrayLike, voxel: float) -> Cloud | np.ndarray:
         colors=None if colors is None else np.round(average(colors)).astype(np.uint8),
         seen_from=None if seen_from is None else _find_most_frequent(seen_from, index),
     )
+
+
+def compute_cell_keys(points: Float[np.ndarray, "N 3"], cell: float) -> Int[np.ndarray, " N"]:
+    """Return a number for each point, that of its cube."""
+    place = np.floor((points - points.min(axis=0)) / cell)
+    size = place.max(axis=0) + 1
+    if size.prod() > _MAX_CELLS:
+        extent = np.ptp(points, axis=0).max()
+        raise ScanError(f"cells of {cell:g} m are too small for an extent of {extent:g} m")
+    x, y, z = place.astype(np.int64).T
+    return (x * int(size[1]) + y) * int(size[2]) + z
 
 
 def _find_most_frequent(

@@ -1,7 +1,11 @@
-"""What an arena is: convex pieces for contact, an exact surface for rays, and what is known about both."""
+"""What an arena is: convex pieces for contact, an exact surface for rays, and what is known about both.
+
+And arenas made of arenas: with colors, with objects, a little longer.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,31 +14,40 @@ from typing import Any
 import mujoco
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.range_checks import format_distance
 from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.halfspaces import find_box
+from reconstruction._src.geometry.mesh_repair import simplify
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.surfaces.color import paint_mesh
+from reconstruction._src.surfaces.color import copy_vertex_colors, paint_mesh
 from reconstruction._src.surfaces.primitives.find import Primitives
-from symbrion_gym._src.arenas.checks import check_friction, check_friction_source, check_name
+from symbrion_gym._src.arenas.checks import check_friction, check_names
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.friction_map import FrictionMap, split_pieces
 from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects, check_objects
 from symbrion_gym._src.arenas.primitives import primitives_to_dict
 from symbrion_gym._src.arenas.saving import load_arena_folder, save_arena
-from symbrion_gym._src.arenas.seen_places import SeenPlaces
 from symbrion_gym._src.arenas.spec import ArenaGeometry, make_arena_spec
-from symbrion_gym._src.arenas.surface_colors import find_surface_colors, paint_course
-from symbrion_gym._src.arenas.texture import SurfaceTexture, check_texture, make_texture
+from symbrion_gym._src.arenas.texture import (
+    SurfaceTexture,
+    check_texture,
+    find_surface_colors,
+    make_texture,
+    paint_course,
+)
 from symbrion_gym._src.contact.kinds import CONTACT_KINDS, HeightField
-from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.traversability.drivable import TraversabilityMap, find_traversability
 from symbrion_gym._src.traversability.footprint import Footprint
 from symbrion_gym._src.traversability.routes import DrivingRoute, Place, find_driving_route
+
+_ABOVE = 0.05
+"""Height above a place of what must be seen [m]: the surface is as far off its readings, and a robot is higher."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,9 +98,8 @@ class Arena:
     objects: tuple[PlacedObject, ...] = ()
 
     def __post_init__(self) -> None:
-        check_name(self.name)
+        check_names(self.name, self.friction_source)
         check_friction(self.friction)
-        check_friction_source(self.friction_source)
         object.__setattr__(self, "objects", check_objects(self.objects))
         if self.kind not in CONTACT_KINDS:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
@@ -106,12 +118,9 @@ class Arena:
 
     def __repr__(self) -> str:
         """Return name, contact, size and quality in one line."""
-        size = (
-            " x ".join(f"{side:.3g}" for side in self.surface.extents) if len(self.surface.faces) else "empty"
-        )
-        contact = (
-            "a height field" if self.height_field is not None else f"{len(self.pieces)} {self.kind} pieces"
-        )
+        sides = self.surface.extents if len(self.surface.faces) else ()
+        size = " x ".join(f"{side:.3g}" for side in sides) or "empty"
+        contact = "a height field" if self.height_field else f"{len(self.pieces)} {self.kind} pieces"
         off = f"{format_distance(self.quality.mean)} off in the mean"
         return f"Arena({self.name!r}: {contact}, {len(self.surface.faces)} faces, {size} m, {off})"
 
@@ -208,11 +217,22 @@ class Arena:
                 goal; the message names the nearest place that is possible.
             OptionError: the body is of another kind.
         """
-        viewpoints = self.provenance.get("viewpoints")
-        find_seen = SeenPlaces(self.surface, np.array(viewpoints)) if viewpoints else None
+        find_seen = self.find_seen if self.provenance.get("viewpoints") else None
         ground = self.traversability(body)
         friction = self.find_friction(ground.positions)
         return find_driving_route(ground, start, goal, self.name, max_length, find_seen, friction)
+
+    def find_seen(self, places: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
+        """Return whether a position of the scanner (`provenance["viewpoints"]`) sees a little above places [m]."""
+        rays = RayMesh([self.surface])
+        targets, is_seen = places + np.array([0.0, 0.0, _ABOVE]), np.zeros(len(places), dtype=bool)
+        for viewpoint in np.array(self.provenance["viewpoints"], dtype=np.float64):
+            left = np.flatnonzero(~is_seen)
+            ways = targets[left] - viewpoint
+            ranges = np.maximum(np.linalg.norm(ways, axis=1), _ABOVE)
+            free = rays.cast(np.tile(viewpoint, (len(left), 1)), ways / ranges[:, None])
+            is_seen[left] = free >= ranges
+        return is_seen
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians.
@@ -276,7 +296,7 @@ class Arena:
             max_vertices,
             name=self.name,
             friction=self.friction,
-            offset=getattr(self, "offset", (0.0, 0.0, 0.0)),
+            offset=self.offset,
             quality=self.quality.as_dict(),
             provenance=self.provenance,
             friction_map=self.friction_map,
@@ -308,3 +328,84 @@ def color_arena(arena: Arena, cloud: Cloud) -> Arena:
     surface = arena.surface.copy()
     paint_mesh(surface, cloud)
     return replace(arena, surface=surface, texture=make_texture(surface, cloud))
+
+
+_MAX_FACES = 2000  # Meshes of objects with more faces are simplified to as many
+
+
+def place_objects(arena: Arena, found: Iterable[Any], meshes: Mapping[str, trimesh.Trimesh]) -> Arena:
+    """Return an arena with objects that were found in its scan, as `arena.objects`.
+
+    Args:
+        arena: stays as it is; its offset is subtracted from the positions. Of its objects those of other names are
+            kept.
+        found: what `reconstruction.find_objects` returned.
+        meshes: the objects' meshes, by name.
+
+    Raises:
+        ArenaError: an object has no mesh, or cannot be placed.
+    """
+    placed = [each for each in arena.objects if each.name not in meshes]
+    for each in found:
+        if each.name not in meshes:
+            raise ArenaError(f"no mesh for object {each.name!r}; there are: {', '.join(meshes) or 'none'}")
+        mesh = meshes[each.name]
+        vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+        if len(faces) > _MAX_FACES:
+            vertices, faces = simplify(vertices, faces, _MAX_FACES)
+        light = trimesh.Trimesh(np.round(vertices, 6), faces, process=False)
+        position = np.asarray(each.position, np.float64) - np.asarray(arena.offset)
+        placed.append(PlacedObject(each.name, position, each.rotation, light))
+    return replace(arena, objects=tuple(placed))
+
+
+def stretch_arena(arena: Arena, factor: float) -> Arena:
+    """Return the arena with all lengths along x multiplied; boxes stay boxes, heights and objects as they are.
+
+    A survey measures lengths to about a centimeter.
+    """
+    if factor == 1.0:
+        return arena
+    along, course, heights = np.array([factor, 1.0, 1.0]), arena.course, arena.height_field
+    if isinstance(course, Course):
+        patches = [(factor * x0, factor * x1, *rest) for x0, x1, *rest in course.friction_patches]
+        lengths = {name: factor * getattr(course, name) for name in ("pit", "floor", "ramp", "plateau")}
+        course = replace(course, friction_patches=tuple(patches), **lengths)
+    elif course is not None:
+        lengths = {name: factor * getattr(course, name) for name in ("run", "floor", "plateau")}
+        course = replace(course, **lengths)
+    if heights is not None:
+        heights = heights._replace(low=heights.low * along[:2], high=heights.high * along[:2])
+    surface = trimesh.Trimesh(arena.surface.vertices * along, arena.surface.faces, process=False)
+    copy_vertex_colors(arena.surface, surface)
+    return replace(
+        arena,
+        pieces=[_stretch_piece(piece, along) for piece in arena.pieces],
+        surface=surface,
+        course=course,
+        height_field=heights,
+        friction_map=None if arena.friction_map is None else arena.friction_map.stretch(factor),
+        kind="convex" if arena.kind == "mixed" else arena.kind,
+        primitives=None,
+        objects=tuple(replace(each, position=each.position * along) for each in arena.objects),
+    )
+
+
+def _stretch_piece(piece: trimesh.Trimesh, along: Float[np.ndarray, " 3"]) -> trimesh.Trimesh:
+    """Return a contact piece stretched; a box becomes the box with the same top, stretched."""
+    box = find_box(piece)
+    if box is None:
+        return trimesh.Trimesh(piece.vertices * along, piece.faces, process=False)
+    center, half_sizes, axes = box
+    up = int(np.abs(axes[2]).argmax())
+    others = [k for k in range(3) if k != up]
+    first, second = (axes[:, k] * along for k in others)
+    sizes = half_sizes[others] * np.linalg.norm([first, second], axis=1)
+    first /= np.linalg.norm(first)
+    normal = np.cross(first, second)
+    normal *= np.sign(normal[2]) / np.linalg.norm(normal)
+    top = center + axes[:, up] * np.sign(axes[2, up]) * half_sizes[up]
+    frame = np.column_stack([first, np.cross(normal, first), normal])
+    stretched = trimesh.creation.box(2 * np.array([*sizes, half_sizes[up]]))
+    middle = top * along - normal * half_sizes[up]
+    return trimesh.Trimesh(stretched.vertices @ frame.T + middle, stretched.faces, process=False)

@@ -20,7 +20,6 @@ FRICTION_SOURCES = ("exact", "given", "assumed", "estimated")
 their slip."""
 _LONGEST_NAME = 200  # Characters of a name
 _SMALLEST_AREA = 1e-9  # [m²]; of a surface, of which MuJoCo computes the inertia of a shell
-
 _SMALLEST_PIECE = 1e-12  # [m²]; files keep the vertices of pieces to 1e-6 m
 
 
@@ -32,25 +31,20 @@ def check_friction(friction: float, what: str = "friction") -> None:
         raise ArenaError(f"{what} is {friction!r}; a number from {low:g} to {high:g} is needed")
 
 
-def check_friction_source(source: str) -> None:
-    """Refuse a source of the friction that there is not."""
-    if source not in FRICTION_SOURCES:
-        raise ArenaError(f"friction_source is {source!r}; there are: {', '.join(FRICTION_SOURCES)}")
-
-
-def check_name(name: str) -> None:
-    """Refuse a name that would not survive a line of text or an XML file."""
+def check_names(name: str, friction_source: str) -> None:
+    """Refuse a name that would not survive a line of text or an XML file, and a source that there is not."""
     if not (isinstance(name, str) and name.isprintable() and 0 < len(name) <= _LONGEST_NAME):
-        raise ArenaError(
-            f"name is {str(name)[:_LONGEST_NAME]!r}; 1 to {_LONGEST_NAME} printable characters are needed"
-        )
+        short = str(name)[:_LONGEST_NAME]
+        raise ArenaError(f"name is {short!r}; 1 to {_LONGEST_NAME} printable characters are needed")
+    if friction_source not in FRICTION_SOURCES:
+        raise ArenaError(f"friction_source is {friction_source!r}; there are: {', '.join(FRICTION_SOURCES)}")
 
 
 def check_piece(piece: trimesh.Trimesh, source: object) -> None:
     """Refuse a contact piece that MuJoCo cannot compile: it takes the hull of the vertices in single precision."""
     from reconstruction._src.geometry.rows import make_hull
 
-    check_vertices(piece, source)
+    _check_vertices(piece, source)
     if len(piece.vertices) < 4 or not len(piece.faces) or not piece.is_watertight:
         raise ArenaError(f"{source}: not a closed solid; a contact piece is one of 4 or more vertices")
     if make_hull(np.asarray(piece.vertices, dtype=np.float32)) is None:
@@ -63,28 +57,22 @@ def check_piece(piece: trimesh.Trimesh, source: object) -> None:
 
 def check_surface(surface: trimesh.Trimesh, source: object) -> None:
     """Refuse an exact surface that cannot be drawn or hit by rays."""
-    check_vertices(surface, source)
+    _check_vertices(surface, source)
     if not len(surface.faces) or len(surface.vertices) < 4:
-        raise ArenaError(
-            f"{source}: {len(surface.vertices)} vertices and {len(surface.faces)} faces; "
-            "a surface needs 4 vertices and a face"
-        )
+        raise ArenaError(f"{source}: a surface needs 4 vertices and a face")
     if not surface.area > _SMALLEST_AREA:
         raise ArenaError(f"{source}: the surface has no area")
 
 
-def check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
-    """Refuse a mesh with vertices that are not finite or farther out than `LARGEST_COORDINATE`."""
+def _check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
     from reconstruction._src.geometry.mesh_repair import LARGEST_COORDINATE
 
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     is_wrong = ~(np.abs(vertices) <= LARGEST_COORDINATE).all(axis=1)
     if is_wrong.any():
         index = int(is_wrong.argmax())
-        raise ArenaError(
-            f"{source}: vertex {index} is {vertices[index].tolist()}; "
-            f"finite coordinates up to {LARGEST_COORDINATE:g} m are needed"
-        )
+        needed = f"finite coordinates up to {LARGEST_COORDINATE:g} m are needed"
+        raise ArenaError(f"{source}: vertex {index} is {vertices[index].tolist()}; {needed}")
 
 
 def check_height_field(field: HeightField, source: object) -> None:

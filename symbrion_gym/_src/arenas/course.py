@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.geometry.rows import make_hull
@@ -20,7 +20,6 @@ from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym._src.errors import ArenaError
 
 _THICKNESS = 0.2  # How far the ground reaches below the lowest floor [m]
-_STRAIGHT = 1e-12  # Corners that enclose less than half of this area lie on a line [m²]
 _LONGEST = 1e4  # Largest size [m], and number of steps
 
 
@@ -56,9 +55,8 @@ class Course:
     friction_patches: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        check_pattern(self.color_pattern)
         object.__setattr__(self, "friction_patches", _read_patches(self.friction_patches))
-        _refuse_unless_positive(self, ("height", "floor", "ramp", "plateau", "width", "friction"))
+        _check_sizes(self, ("height", "floor", "ramp", "plateau", "width", "friction"))
         if not 0.0 <= self.pit <= _LONGEST:
             raise ArenaError(f"Course: pit must be a width of 0 to {_LONGEST:g} m, got {self.pit}")
         _ = self.friction_map  # refuses what is no rectangle
@@ -126,10 +124,7 @@ class Course:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields with the kind of course, for JSON."""
-        fields = _list_fields(self)
-        if not self.friction_patches:
-            del fields["friction_patches"]
-        return {"kind": "pit", **fields}
+        return {"kind": "pit", **_list_fields(self)}
 
 
 @dataclass(frozen=True)
@@ -147,8 +142,7 @@ class StairsCourse:
         color_pattern: its colors, one of `PATTERNS`; None for none. Only a camera sees them.
 
     Raises:
-        ArenaError: a size, or the number of steps,
-            is not above 0, or too large.
+        ArenaError: a size, or the number of steps, is not above 0, or too large.
     """
 
     steps: int = 5
@@ -161,8 +155,7 @@ class StairsCourse:
     color_pattern: str | None = None
 
     def __post_init__(self) -> None:
-        check_pattern(self.color_pattern)
-        _refuse_unless_positive(self, ("steps", "rise", "run", "floor", "plateau", "width", "friction"))
+        _check_sizes(self, ("steps", "rise", "run", "floor", "plateau", "width", "friction"))
 
     @property
     def friction_map(self) -> None:
@@ -209,9 +202,9 @@ class StairsCourse:
 
 
 def _list_fields(course: Course | StairsCourse) -> dict[str, Any]:
-    """Return the fields, without colors that there are not."""
-    fields = asdict(course)
-    return fields if course.color_pattern else {k: v for k, v in fields.items() if k != "color_pattern"}
+    """Return the fields, without colors and patches that there are not."""
+    optional = ("color_pattern", "friction_patches")
+    return {name: value for name, value in asdict(course).items() if value or name not in optional}
 
 
 COURSES = {"pit": Course, "stairs": StairsCourse}
@@ -234,29 +227,34 @@ def make_simple_surface(course: Course | StairsCourse) -> trimesh.Trimesh:
 
     Every triangle is as large as the shape allows: what a person draws who measures the course with a ruler.
     """
+    from manifold3d import triangulate
+
     outline = course.profile()
     bottom = outline[:, 1].min() - _THICKNESS
-    polygon = np.concatenate([outline, [(outline[-1, 0], bottom), (outline[0, 0], bottom)]])
-    triangles = _clip_ears(polygon)
+    polygon = np.concatenate([[(outline[0, 0], bottom), (outline[-1, 0], bottom)], outline[::-1]])
+    triangles = np.asarray(triangulate([polygon]))
     sides = [
         trimesh.Trimesh(_place(polygon, y), triangles[:, ::order], process=False)
         for y, order in ((-course.width / 2, 1), (course.width / 2, -1))
     ]
-    parts = [course.surface(), *sides]
-    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = [part.faces + offset for part, offset in zip(parts, offsets, strict=False)]
-    return trimesh.Trimesh(
-        np.concatenate([part.vertices for part in parts]), np.concatenate(faces), process=False
-    )
+    surface = course.surface()
+    for side in sides:
+        surface += side
+    return surface
 
 
-def _refuse_unless_positive(course: Course | StairsCourse, names: tuple[str, ...]) -> None:
+def _check_sizes(course: Course | StairsCourse, names: tuple[str, ...]) -> None:
+    if course.color_pattern is not None and course.color_pattern not in PATTERNS:
+        known = f"there are: {', '.join(PATTERNS)}, or None"
+        raise ArenaError(f"color_pattern is {course.color_pattern!r}; {known}")
     for name in names:
         value = getattr(course, name)
         if not 0.0 < value <= _LONGEST:
-            raise ArenaError(
-                f"{type(course).__name__}: {name} must be above 0, up to {_LONGEST:g}, got {value}"
-            )
+            kind = type(course).__name__
+            raise ArenaError(f"{kind}: {name} must be above 0, up to {_LONGEST:g}, got {value}")
+
+
+_PATCH = "(lowest x, highest x, friction) or (lowest x, highest x, lowest y, highest y, friction)"
 
 
 def _read_patches(patches: Any) -> tuple[tuple[float, ...], ...]:
@@ -264,17 +262,13 @@ def _read_patches(patches: Any) -> tuple[tuple[float, ...], ...]:
         return tuple(tuple(map(float, patch)) for patch in patches)
     except (TypeError, ValueError) as error:
         raise ArenaError(
-            f"friction_patches is {patches!r}; a list of rectangles is needed, each (lowest x, highest x, friction) or "
-            "(lowest x, highest x, lowest y, highest y, friction)"
+            f"friction_patches is {patches!r}; a list of rectangles is needed, each {_PATCH}"
         ) from error
 
 
 def _make_patch(values: tuple[float, ...], width: float) -> FrictionPatch:
     if len(values) not in (3, 5):
-        raise ArenaError(
-            f"friction patch {values}: (lowest x, highest x, friction) or (lowest x, highest x, lowest y, highest y, "
-            "friction) is needed"
-        )
+        raise ArenaError(f"friction patch {values}: {_PATCH} is needed")
     x0, x1, *across, friction = values
     y0, y1 = across or (-width / 2, width / 2)
     if not (x0 < x1 and y0 < y1):
@@ -305,43 +299,10 @@ def _extrude_convex(outline: Float[np.ndarray, "P 2"], width: float) -> trimesh.
     return solid
 
 
-def _clip_ears(polygon: Float[np.ndarray, "P 2"]) -> Int[np.ndarray, "P-2 3"]:
-    """Triangulate a simple polygon without new points, by clipping ears."""
-    # Not manifold3d.triangulate: it makes other triangles, so another arena "simple".
-    x, z = polygon.T
-    is_clockwise = np.sum(x * np.roll(z, -1) - np.roll(x, -1) * z) < 0
-    left = list(range(len(polygon)))[:: -1 if is_clockwise else 1]
-    triangles = []
-    while len(left) > 3:
-        for i in range(len(left)):
-            ear = (left[i - 1], left[i], left[(i + 1) % len(left)])
-            if _is_ear(polygon, ear, left):
-                triangles.append(ear)
-                left.pop(i)
-                break
-        else:
-            raise ArenaError("the outline of the course crosses itself; check its sizes")
-    return np.array([*triangles, tuple(left)])
-
-
-def _is_ear(polygon: Float[np.ndarray, "P 2"], ear: tuple[int, int, int], left: list[int]) -> bool:
-    a, b, c = (polygon[i] for i in ear)
-    if _turn(a, b, c) <= _STRAIGHT:
-        return False
-    others = [polygon[i] for i in left if i not in ear]
-    return not any(min(_turn(a, b, p), _turn(b, c, p), _turn(c, a, p)) >= -_STRAIGHT for p in others)
-
-
-def _turn(a: Float[np.ndarray, " 2"], b: Float[np.ndarray, " 2"], c: Float[np.ndarray, " 2"]) -> float:
-    """Return twice the signed area of a, b, c: above zero for a turn to the left."""
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-
-_EDGE = 0.3  # Of a cube of the checker, and width of a stripe [m]
+_EDGE = 0.3  # Of a cube of the checker [m]
 _SHIFT = np.array([0.15, 0.0, 0.125])
 """Of the cubes: no floor, plateau or wall of the courses lies on a side of one [m]."""
 _CHECKER = np.array([[0.85, 0.45, 0.20], [0.15, 0.35, 0.65]])
-_STRIPES = np.array([[0.80, 0.25, 0.25], [0.90, 0.80, 0.30], [0.25, 0.60, 0.35], [0.30, 0.40, 0.75]])
 _WAVES = np.array([[0.9, 0.4, 0.5], [-0.6, 1.1, 0.7], [0.5, -0.8, 1.3]])
 """Wave vectors of red, green and blue in the gradient [rad/m]."""
 _MIDDLE, _SWING = 0.5, 0.35  # Of a channel of the gradient
@@ -352,24 +313,12 @@ def _paint_checker(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]
     return _CHECKER[cube.sum(axis=1) % len(_CHECKER)]
 
 
-def _paint_stripes(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
-    stripe = np.floor((places[:, 0] - _SHIFT[0]) / _EDGE).astype(np.int64)
-    return _STRIPES[stripe % len(_STRIPES)]
-
-
 def _paint_gradient(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
     return _MIDDLE + _SWING * np.sin(places @ _WAVES.T)
 
 
 PATTERNS: dict[str, Callable[[Float[np.ndarray, "N 3"]], Float[np.ndarray, "N 3"]]] = {
     "checker": _paint_checker,
-    "stripes": _paint_stripes,
     "gradient": _paint_gradient,
 }
 """Name -> the function that returns red, green and blue (0 to 1) of positions [m]."""
-
-
-def check_pattern(pattern: str | None) -> None:
-    """Refuse a pattern that there is not; None is none."""
-    if pattern is not None and pattern not in PATTERNS:
-        raise ArenaError(f"color_pattern is {pattern!r}; there are: {', '.join(PATTERNS)}, or None")

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from reconstruction._src.base.range_checks import check_not_negative
 from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.geometry.rows import make_hull
-from symbrion_gym._src.arenas.checks import FRICTION_LIMITS, check_friction
+from symbrion_gym._src.arenas.checks import check_friction
 from symbrion_gym._src.errors import ArenaError
 
 Outline = tuple[tuple[float, float], ...]  # Corners (x, y) of a convex polygon, counter-clockwise [m]
@@ -54,11 +54,6 @@ class FrictionPatch:
         outline = ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))
         return cls(friction, (outline,), half_width)
 
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Ends of the 95 % interval, within what contacts can have."""
-        return _clip(self.friction - self.half_width), _clip(self.friction + self.half_width)
-
     def contains(self, places: Float[np.ndarray, "N D"]) -> np.ndarray:
         """Return which places (x, y, ...) lie in it, seen from above."""
         return np.any([_is_inside(places[:, :2], outline) for outline in self.outlines], axis=0)
@@ -96,19 +91,12 @@ class FrictionMap:
         """Return the sliding friction at every place (x, y, ...), `friction` outside of all patches."""
         return np.array([*(patch.friction for patch in self.patches), friction])[self.find_patches(places)]
 
-    def find_limits(self, friction: float) -> tuple[float, float]:
-        """Return the ends of the 95 % interval of the arena's own friction."""
-        return _clip(friction - self.half_width), _clip(friction + self.half_width)
-
     def stretch(self, factor: float) -> FrictionMap:
         """Return the map with all lengths along x multiplied."""
-        patches = [
-            replace(
-                patch,
-                outlines=tuple(tuple((factor * x, y) for x, y in outline) for outline in patch.outlines),
-            )
-            for patch in self.patches
-        ]
+        patches = []
+        for patch in self.patches:
+            outlines = tuple(tuple((factor * x, y) for x, y in outline) for outline in patch.outlines)
+            patches.append(replace(patch, outlines=outlines))
         return FrictionMap(tuple(patches), self.half_width)
 
     def as_dict(self) -> dict[str, Any]:
@@ -126,10 +114,6 @@ class FrictionMap:
             return as_type(fields, cls, "friction_map")
         except JsonError as error:
             raise ArenaError(str(error)) from error
-
-
-def _clip(friction: float) -> float:
-    return float(np.clip(friction, *FRICTION_LIMITS))
 
 
 def _is_inside(places: Float[np.ndarray, "N 2"], outline: Outline) -> np.ndarray:
@@ -192,7 +176,7 @@ def _cut_out(piece: trimesh.Trimesh, outline: Outline) -> tuple[list[trimesh.Tri
     left, outside = piece, []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         normal = np.array([start[1] - end[1], end[0] - start[0], 0.0]) / np.hypot(*(end - start))
-        within, beyond = _cut(left, normal, float(normal[:2] @ start))
+        within, beyond = cut_solid(left, normal, float(normal[:2] @ start))
         if within is None:
             return [], [piece]
         outside += [] if beyond is None else [beyond]
@@ -200,10 +184,10 @@ def _cut_out(piece: trimesh.Trimesh, outline: Outline) -> tuple[list[trimesh.Tri
     return [left], outside
 
 
-def _cut(
+def cut_solid(
     piece: trimesh.Trimesh, normal: Float[np.ndarray, " 3"], offset: float
 ) -> tuple[trimesh.Trimesh | None, trimesh.Trimesh | None]:
-    """Return the parts of a piece above and below a plane; None for one that would be a sliver."""
+    """Return the parts of a convex solid above and below a plane; None for one that would be a sliver."""
     vertices = np.asarray(piece.vertices, dtype=np.float64)
     height = vertices @ normal - offset
     if height.min() >= -SLIVER:

@@ -1,15 +1,15 @@
-"""Arenas made of surfaces."""
+"""Arenas by name, from folders, and made of surfaces."""
 
 from __future__ import annotations
 
-import dataclasses
 import logging
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import trimesh
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.errors import ReconstructionError
@@ -20,18 +20,18 @@ from reconstruction._src.tiles.folder import TiledSurface
 from symbrion_gym._src.arenas.arena import Arena, color_arena
 from symbrion_gym._src.arenas.cache import find_versions, get_or_make
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
-from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.course import Course, StairsCourse, make_simple_surface
 from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
-from symbrion_gym._src.arenas.primitives import Touched, add_solids, find_arena_primitives, leave_solids_out
-from symbrion_gym._src.arenas.scan_quality import add_scan_quality
+from symbrion_gym._src.arenas.primitives import add_solids_to_contact, find_arena_primitives, take_solids_out
 from symbrion_gym._src.arenas.scanned import (
     MeshFrame,
+    add_scan_quality,
     find_doubts,
     find_two_sided,
     repair_surface,
     take_surface,
 )
-from symbrion_gym._src.arenas.seen_places import choose_positions
+from symbrion_gym._src.assets import NAMED_ARENAS, SCANNED, find_assets
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.distances import find_accuracy
 from symbrion_gym._src.contact.kinds import Contact, ContactOptions
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from reconstruction._src.knowledge.slip.patches import EstimatedPatch, FrictionEstimate
     from reconstruction._src.reconstruction import Reconstruction
 
-ASSUMED_FRICTION = 0.7  # Rubber tracks on a hard floor, about; a scan does not show it
+_ASSUMED_FRICTION = 0.7  # Rubber tracks on a hard floor, about; a scan does not show it
 
 
 class GroundFriction(NamedTuple):
@@ -58,22 +58,20 @@ def choose_friction(
     course: Course | StairsCourse | None,
     felt: FrictionEstimate | None,
 ) -> GroundFriction:
-    """Return the friction of an arena: what is given goes before the course, this before what robots felt."""
+    """Return the friction of an arena: what is given goes before the course, this before what robots felt.
+
+    Of what they felt the largest patch is the ground outside of the others.
+    """
     if friction is not None:
         return GroundFriction(friction, "given", friction_map)
     if course is not None:
         return GroundFriction(course.friction, "exact", friction_map or course.friction_map)
     if felt is None:
-        return GroundFriction(ASSUMED_FRICTION, "assumed", friction_map)
-    return GroundFriction(
-        _clip(felt.patches[0].friction), "estimated", friction_map or make_friction_map(felt)
-    )
-
-
-def make_friction_map(felt: FrictionEstimate) -> FrictionMap:
-    """Return what robots felt as a map: the largest patch is the ground outside of the others."""
-    patches = tuple(_make_patch(patch) for patch in felt.patches[1:] if len(patch.rectangles))
-    return FrictionMap(patches, felt.patches[0].half_width)
+        return GroundFriction(_ASSUMED_FRICTION, "assumed", friction_map)
+    ground, *others = felt.patches
+    patches = tuple(_make_patch(patch) for patch in others if len(patch.rectangles))
+    friction_map = friction_map or FrictionMap(patches, ground.half_width)
+    return GroundFriction(_clip(ground.friction), "estimated", friction_map)
 
 
 def _make_patch(patch: EstimatedPatch) -> FrictionPatch:
@@ -85,6 +83,7 @@ def _clip(friction: float) -> float:
     return float(np.clip(friction, *FRICTION_LIMITS))
 
 
+_MOST_VIEWPOINTS = 64  # As many positions of the scanner are kept with an arena, evenly spread over the scan
 _NO_COLORS = (
     "images of environments and MuJoCo's viewer show an arena of the kind 'mixed' without its colors, which "
     "`symbrion view` and cameras do see; kind='convex' shows them everywhere"
@@ -152,10 +151,7 @@ def make_arena(
         ArenaError: the surface cannot be used, an option is out of range, or a reconstruction comes with a course.
     """
     if course is not None and not isinstance(surface, trimesh.Trimesh | str | Path):
-        raise ArenaError(
-            "course is the truth behind a scan, of which an arena knows nothing; leave it out: start, edges and finish "
-            "are found on the surface"
-        )
+        raise ArenaError("course is the truth behind a scan, of which an arena knows nothing; leave it out")
     scanned = take_surface(surface, viewpoints, MeshFrame(unit, up, scale))
     ground = choose_friction(friction, friction_map, course, scanned.friction)
     if kind == "auto" and ground.friction_map is not None and ground.friction_map.patches:
@@ -166,24 +162,24 @@ def make_arena(
     progress("repairing the mesh", 0.0)
     mesh = repair_surface(scanned, RepairConfig(drops_slivers=True))
     wanted = accuracy or find_accuracy(mesh, scanned.points)
-
-    is_two_sided = find_two_sided(scanned, mesh)
-
+    touched, sides, has_rest = mesh, find_two_sided(scanned, mesh), True
     primitives = find_arena_primitives(mesh, seed) if kind == "mixed" else None
-    touched = (
-        Touched(mesh, is_two_sided)
-        if primitives is None
-        else leave_solids_out(mesh, is_two_sided, primitives)
-    )
+    if primitives is not None:
+        is_rest = take_solids_out(mesh, primitives)
+        has_rest = bool(is_rest.any())
+        if has_rest and not is_rest.all():
+            touched = trimesh.Trimesh(mesh.vertices, mesh.faces[is_rest], process=False)
+            touched.remove_unreferenced_vertices()
+            sides = None if sides is None else sides[is_rest]
 
     def make() -> Contact:
-        return make_contact(touched.mesh, options, wanted, progress, touched.is_two_sided)
+        return make_contact(touched, options, wanted, progress, sides)
 
     folder = Path(cache) if isinstance(cache, str | Path) else None
     key = replace(options, accuracy=wanted)
-    contact = make() if cache is False else get_or_make(touched.mesh, key, make, folder, touched.is_two_sided)
+    contact = make() if cache is False else get_or_make(touched, key, make, folder, sides)
     if primitives is not None:
-        contact = add_solids(contact, mesh, primitives)
+        contact = add_solids_to_contact(contact, mesh, primitives, has_rest)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
     warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
@@ -200,8 +196,9 @@ def make_arena(
         **contact.notes,
         "warnings": warnings,
         **({"cut": scanned.cut} if scanned.cut else {}),
-        "viewpoints": choose_positions(scanned.viewpoints),
+        "viewpoints": _choose_positions(scanned.viewpoints),
     }
+    made_kind = "convex" if contact.height_field is None else "hfield"
     arena = Arena(
         name or "arena",
         contact.pieces,
@@ -209,7 +206,7 @@ def make_arena(
         quality,
         ground.friction,
         course,
-        ("hfield" if contact.height_field is not None else "convex") if kind == "auto" else kind,
+        made_kind if kind == "auto" else kind,
         contact.height_field,
         about,
         scanned.offset,
@@ -218,6 +215,53 @@ def make_arena(
         primitives=primitives,
     )
     return arena if scanned.colored is None else color_arena(arena, scanned.colored)
+
+
+def _choose_positions(viewpoints: Float[np.ndarray, "K 3"] | None) -> list[list[float]] | None:
+    """Return the positions of a scanner that are kept with an arena, to 1 mm; None where they are unknown."""
+    if viewpoints is None or not len(viewpoints):
+        return None
+    count = min(len(viewpoints), _MOST_VIEWPOINTS)
+    kept = np.unique(np.linspace(0, len(viewpoints) - 1, count).astype(int))
+    return np.round(viewpoints[kept], 3).tolist()
+
+
+def load_arena(
+    name: str | Path, course: Course | StairsCourse | None = None, pit: float | None = None, **options: Any
+) -> Arena:
+    """Return a named arena, or one from a folder or a mesh file.
+
+    Args:
+        name: "truth", "simple" and "stairs" are made in code; "gsrm" and "gg" come with the package. Anything
+            else is a path: a folder that `Arena.save` wrote, or a mesh file for `make_arena`. A folder of yours
+            with one of these names is `./gsrm`.
+        course: other sizes, for the arenas made in code; for a mesh file see `make_arena`.
+        pit: width of the pit of "truth" or "simple" [m], in place of a course with nothing else changed.
+        options: options of `make_arena`, for a mesh file.
+
+    Raises:
+        ArenaError: there is no such arena, or none with such a pit.
+    """
+    if pit is not None and (course is not None or name not in ("truth", "simple")):
+        raise ArenaError(f"pit={pit} is an option of truth and simple, without a course")
+    if name in ("truth", "simple", "stairs"):
+        default = StairsCourse() if name == "stairs" else Course() if pit is None else Course(pit=pit)
+        exact = Arena.from_course(course or default, str(name))
+        return replace(exact, surface=make_simple_surface(course or default)) if name == "simple" else exact
+    path = find_assets() / "arenas" / name if name in SCANNED else Path(name)
+    try:
+        if path.is_dir():
+            return Arena.load(path)
+        if path.is_file() and path.name == "arena.json":
+            return Arena.load(path.parent)
+        if path.is_file():
+            return make_arena(path, course=course, **options)
+    except OSError as error:
+        raise ArenaError(f"{make_printable(path, 200)}: cannot be read ({error.strerror})") from error
+    raise ArenaError(
+        f"no arena {make_printable(name, 200)!r}: neither a folder nor a mesh file, "
+        f"nor one of {', '.join(NAMED_ARENAS)}"
+    )
 
 
 def load_tiles(
@@ -241,7 +285,37 @@ def load_tiles(
     except ReconstructionError as error:
         raise ArenaError(str(error)) from error
     arena = make_arena(mesh, **{"name": Path(folder).resolve().name, **options})
-    about: dict[str, Any] = {"provenance": arena.provenance | {"offset": list(tiles.offset)}}
-    if any(field.name == "offset" for field in dataclasses.fields(arena)):
-        about["offset"] = tiles.offset
-    return dataclasses.replace(arena, **about)
+    provenance = arena.provenance | {"offset": list(tiles.offset)}
+    return replace(arena, provenance=provenance, offset=tiles.offset)
+
+
+@dataclass(frozen=True)
+class AccuracyReport:
+    """The accuracy of an arena, asked for and reached."""
+
+    # mean distance of contact from the surface that was asked for, or follows from the scan [m]; None:
+    # nothing was asked for, as of a course made in code
+    wanted: float | None
+    reached: float  # the mean distance [m]
+    is_reached: bool  # whether the arena is as accurate as wanted, all over, and within the number of pieces
+    # (x, y, z) of the point of the surface with the largest distance [m]; None where that is not noted
+    worst: tuple[float, float, float] | None
+    distance: float | None  # its distance from contact [m]
+    # what a user should know, one line each; that of a missed accuracy names the worst place and a remedy
+    warnings: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON: None for what is not finite."""
+        return asdict(self) | {"reached": self.reached if np.isfinite(self.reached) else None}
+
+
+def report_accuracy(arena: Arena) -> AccuracyReport:
+    """Return what the making of an arena has noted about its accuracy."""
+    notes, reached = arena.provenance, arena.quality.mean
+    wanted = notes.get("accuracy")
+    is_reached = bool(notes.get("is_reached", wanted is None or reached <= wanted))
+    worst: dict[str, Any] = notes.get("worst") or {}
+    place = worst.get("place")
+    worst_place = None if place is None else (place[0], place[1], place[2])
+    warnings = tuple(notes.get("warnings", ()))
+    return AccuracyReport(wanted, reached, is_reached, worst_place, worst.get("distance"), warnings)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -13,6 +12,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from symbrion_gym._src.arenas.primitives import add_mesh
 from symbrion_gym._src.errors import ArenaError
 
 OBJECT_GROUP = 1
@@ -39,7 +39,7 @@ class PlacedObject:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
             raise ArenaError(
-                f"object name is {self.name!r}; it consists of letters, digits, _ and -, 60 at most"
+                f"object name is {self.name!r}; letters, digits, _ and - are possible, 60 at most"
             )
         for field, shape in (("position", (3,)), ("rotation", (3, 3))):
             try:
@@ -113,38 +113,23 @@ def find_object(objects: Iterable[PlacedObject], name: str) -> PlacedObject:
     raise ArenaError(f"{len(alike) or 'no'} objects {name!r} in the arena; there are: {known}")
 
 
-def add_objects(spec: mujoco.MjSpec, objects: Iterable[PlacedObject]) -> None:
-    """Add a site and a geom of each object to a spec; the geom touches nothing."""
+def add_objects(
+    spec: mujoco.MjSpec, objects: Iterable[PlacedObject], body: mujoco.MjsBody | None = None
+) -> None:
+    """Add a site and a geom of each object to a body, or to the world; the geom touches nothing."""
+    look = {"contype": 0, "conaffinity": 0, "group": OBJECT_GROUP, "rgba": OBJECT_COLOR}
     for name, each in name_objects(objects).items():
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, each.rotation.ravel())
-        spec.add_mesh(
-            name=name,
-            uservert=np.asarray(each.mesh.vertices, dtype=np.float64).ravel(),
-            userface=np.asarray(each.mesh.faces, dtype=np.int32).ravel(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-        spec.worldbody.add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=name,
-            pos=each.position,
-            quat=quaternion,
-            contype=0,
-            conaffinity=0,
-            group=OBJECT_GROUP,
-            rgba=OBJECT_COLOR,
-        )
-        spec.worldbody.add_site(name=name, pos=each.position, quat=quaternion, size=[0.01, 0.01, 0.01])
+        place = {"pos": each.position, "quat": quaternion}
+        add_mesh(spec, body or spec.worldbody, name, each.mesh, **place, **look)
+        (body or spec.worldbody).add_site(name=name, **place, size=[0.01, 0.01, 0.01])
 
 
-def format_objects(objects: Iterable[PlacedObject]) -> bytes:
+def describe_objects(objects: Iterable[PlacedObject]) -> dict[str, Any]:
     """Return `objects.json` of an export: name of the site -> kind, position [m] and rotation."""
-    content = {
-        name: {key: value for key, value in each.as_dict().items() if key not in ("vertices", "faces")}
-        for name, each in name_objects(objects).items()
-    }
-    return (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
+    keys = ("name", "position", "rotation")
+    return {name: {key: each.as_dict()[key] for key in keys} for name, each in name_objects(objects).items()}
 
 
 def read_objects(content: Any) -> tuple[PlacedObject, ...]:
@@ -161,8 +146,3 @@ def read_objects(content: Any) -> tuple[PlacedObject, ...]:
         except (KeyError, TypeError, ValueError) as error:
             raise ArenaError(f"objects[{number}]: {error}") from error
     return check_objects(objects)
-
-
-def stretch_objects(objects: Iterable[PlacedObject], factor: float) -> tuple[PlacedObject, ...]:
-    """Return objects whose places along x are multiplied; they keep their size and rotation."""
-    return tuple(replace(each, position=each.position * np.array([factor, 1.0, 1.0])) for each in objects)

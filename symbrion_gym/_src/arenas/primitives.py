@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,7 +12,6 @@ import trimesh
 from jaxtyping import Bool
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.surfaces.primitives.find import Primitives, find_primitives
 from reconstruction._src.surfaces.primitives.primitive import Primitive
 from symbrion_gym._src.contact.distances import SurfaceDistance
@@ -25,6 +24,25 @@ _GEOMS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
 }
+
+
+def add_mesh(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    name: str,
+    mesh: trimesh.Trimesh,
+    file: str = "",
+    **options: Any,
+) -> mujoco.MjsGeom:
+    """Add a mesh, or the file that holds it, to a body as a geom of its name."""
+    shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    if file:
+        spec.add_mesh(name=name, file=file, inertia=shell)
+    else:
+        vertices = np.asarray(mesh.vertices, dtype=np.float64).ravel()
+        faces = np.asarray(mesh.faces, dtype=np.int32).ravel()
+        spec.add_mesh(name=name, uservert=vertices, userface=faces, inertia=shell)
+    return body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
 
 
 def add_primitive(spec: mujoco.MjSpec, name: str, one: Primitive, **options: Any) -> mujoco.MjsGeom:
@@ -44,14 +62,8 @@ def add_mixed_surface(
         add_primitive(spec, f"arena_primitive_{i}", one, **options)
     for i, corners in enumerate(_join_small(primitives.find_rest(surface))):
         vertices, index = np.unique(corners.reshape(-1, 3).astype(np.float32), axis=0, return_inverse=True)
-        name = f"arena_surface_{i}"
-        spec.add_mesh(
-            name=name,
-            uservert=vertices.astype(np.float64).ravel(),
-            userface=index.astype(np.int32).ravel(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
+        mesh = trimesh.Trimesh(vertices, index.reshape(-1, 3), process=False)
+        add_mesh(spec, spec.worldbody, f"arena_surface_{i}", mesh, **options)
 
 
 def _join_small(parts: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -82,12 +94,12 @@ def compute_beam_cost(surface: trimesh.Trimesh, primitives: Primitives) -> float
     spec = mujoco.MjSpec()
     add_mixed_surface(spec, surface, primitives, {})
     model = spec.compile()
-    area = _measure_sides(model.bvh_aabb.reshape(-1, 6)[:, 3:])
-    whole = _measure_sides(np.asarray(surface.extents)[None] / 2)[0]
-    cost = 0.0
-    for start, count in zip(model.mesh_bvhadr, model.mesh_bvhnum, strict=True):
-        cost += float(area[start : start + count].sum() / whole)
-    return cost
+    halves = np.concatenate([model.bvh_aabb.reshape(-1, 6)[:, 3:], np.asarray(surface.extents)[None] / 2])
+    area = (halves * np.roll(halves, -1, axis=1)).sum(axis=1)
+    boxes = [
+        area[start : start + n].sum() for start, n in zip(model.mesh_bvhadr, model.mesh_bvhnum, strict=True)
+    ]
+    return float(sum(boxes) / area[-1])
 
 
 def pays(surface: trimesh.Trimesh, primitives: Primitives) -> bool:
@@ -98,45 +110,8 @@ def pays(surface: trimesh.Trimesh, primitives: Primitives) -> bool:
     return compute_beam_cost(surface, primitives) <= MOST_COST * compute_beam_cost(surface, none)
 
 
-def _measure_sides(half: np.ndarray) -> np.ndarray:
-    """Return half the area of boxes of some half sizes [m²], but for a factor."""
-    return half[:, 0] * half[:, 1] + half[:, 1] * half[:, 2] + half[:, 2] * half[:, 0]
-
-
 _FAR = 1e6  # Farther out is no arena [m]
 _ROTATION = 1e-6  # Largest deviation of axes from a rotation
-
-
-@dataclass(frozen=True)
-class _Row:
-    """A primitive in `arena.json`."""
-
-    kind: Literal["plane", "box", "sphere", "cylinder"]
-    center: tuple[float, float, float]
-    axes: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-    half_sizes: tuple[float, float, float]
-
-    def __post_init__(self) -> None:
-        axes, sizes = np.array(self.axes), np.array(self.half_sizes)
-        count = {"sphere": 1, "cylinder": 2}.get(self.kind, 3)
-        if not (sizes[:count] > 0).all() or not (np.abs([*self.center, *sizes]) < _FAR).all():
-            raise ArenaError(
-                f"a {self.kind} has sizes {self.half_sizes} at {self.center}; lengths above 0 are needed"
-            )
-        if not np.allclose(axes @ axes.T, np.eye(3), atol=_ROTATION) or np.linalg.det(axes) < 0:
-            raise ArenaError(f"the axes of a {self.kind} are {self.axes}; a rotation is needed")
-
-
-@dataclass(frozen=True)
-class _Table:
-    """All primitives in `arena.json`."""
-
-    tolerance: float
-    shapes: tuple[_Row, ...]
-
-    def __post_init__(self) -> None:
-        if not 0 < self.tolerance < _FAR:
-            raise ArenaError(f"the tolerance of primitives is {self.tolerance}; a length above 0 is needed")
 
 
 def find_arena_primitives(surface: trimesh.Trimesh, seed: int) -> Primitives:
@@ -150,31 +125,41 @@ def find_arena_primitives(surface: trimesh.Trimesh, seed: int) -> Primitives:
 
 def primitives_to_dict(primitives: Primitives) -> dict[str, Any]:
     """Return primitives for JSON."""
-    return {
-        "tolerance": primitives.tolerance,
-        "shapes": [
-            {
-                "kind": one.kind,
-                "center": one.center.tolist(),
-                "axes": one.axes.tolist(),
-                "half_sizes": one.half_sizes.tolist(),
-            }
-            for one in primitives.shapes
-        ],
-    }
+    names = ("center", "axes", "half_sizes")
+    rows = [
+        {"kind": one.kind} | {name: getattr(one, name).tolist() for name in names}
+        for one in primitives.shapes
+    ]
+    return {"tolerance": primitives.tolerance, "shapes": rows}
 
 
 def primitives_from_dict(content: dict[str, Any]) -> Primitives:
     """Return what `primitives_to_dict` was made of."""
     try:
-        table = as_type(content, _Table, "primitives")
-    except JsonError as error:
-        raise ArenaError(str(error)) from error
-    shapes = [
-        Primitive(row.kind, np.array(row.center), np.array(row.axes), np.array(row.half_sizes))
-        for row in table.shapes
-    ]
-    return Primitives(shapes, table.tolerance)
+        tolerance = float(content["tolerance"])
+        shapes = [_read_primitive(row) for row in content["shapes"]]
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ArenaError(f"primitives: {error}") from error
+    if not 0 < tolerance < _FAR:
+        raise ArenaError(f"the tolerance of primitives is {tolerance}; a length above 0 is needed")
+    return Primitives(shapes, tolerance)
+
+
+def _read_primitive(row: dict[str, Any]) -> Primitive:
+    kind, center, axes, sizes = (
+        row["kind"],
+        *(np.array(row[n], float) for n in ("center", "axes", "half_sizes")),
+    )
+    if kind not in _GEOMS:
+        raise ValueError(f"there is no kind {kind!r}; there are: {', '.join(_GEOMS)}")
+    if center.shape != (3,) or sizes.shape != (3,) or axes.shape != (3, 3):
+        raise ValueError(f"a {kind} needs a center, axes and half sizes of three coordinates")
+    count = {"sphere": 1, "cylinder": 2}.get(kind, 3)
+    if not (sizes[:count] > 0).all() or not (np.abs([*center, *sizes]) < _FAR).all():
+        raise ValueError(f"a {kind} has sizes {sizes} at {center}; lengths above 0 are needed")
+    if not np.allclose(axes @ axes.T, np.eye(3), atol=_ROTATION) or np.linalg.det(axes) < 0:
+        raise ValueError(f"the axes of a {kind} are {axes.tolist()}; a rotation is needed")
+    return Primitive(kind, center, axes, sizes)
 
 
 def find_solids(primitives: Primitives | None) -> list[Primitive]:
@@ -182,45 +167,30 @@ def find_solids(primitives: Primitives | None) -> list[Primitive]:
     return [] if primitives is None else [one for one in primitives.shapes if one.is_solid]
 
 
+_FEWEST = 4  # Faces of a rest that pieces can be made of
+
+
 def take_solids_out(surface: trimesh.Trimesh, primitives: Primitives) -> Bool[np.ndarray, " F"]:
-    """Return which faces of a surface no solid primitive replaces."""
+    """Return which faces of a surface no solid primitive replaces; none where hardly any would be left."""
     corners = np.asarray(surface.triangles)
     is_left = np.ones(len(corners), dtype=bool)
     for solid in find_solids(primitives):
         is_left &= ~solid.find_replaced(corners, primitives.tolerance)
-    return is_left
+    return is_left if is_left.sum() >= _FEWEST else np.zeros_like(is_left)
 
 
-_FEWEST = 4  # Faces of a rest that pieces can be made of
+def add_solids_to_contact(
+    contact: Contact, mesh: trimesh.Trimesh, primitives: Primitives, has_rest: bool
+) -> Contact:
+    """Return contact with the solid primitives as its last pieces, and its distances from the whole surface.
 
-
-class Touched(NamedTuple):
-    """A surface that pieces are made of."""
-
-    mesh: trimesh.Trimesh  # the surface
-    is_two_sided: Bool[np.ndarray, " F"] | None  # which of its faces were seen from behind, too
-
-
-def leave_solids_out(
-    mesh: trimesh.Trimesh, is_two_sided: Bool[np.ndarray, " F"] | None, primitives: Primitives
-) -> Touched:
-    """Return a surface without the faces that solid primitives replace; all of it where hardly any would be left."""
-    is_left = take_solids_out(mesh, primitives)
-    if is_left.all() or is_left.sum() < _FEWEST:
-        return Touched(mesh, is_two_sided)
-    rest = trimesh.Trimesh(mesh.vertices, mesh.faces[is_left], process=False)
-    rest.remove_unreferenced_vertices()
-    return Touched(rest, None if is_two_sided is None else is_two_sided[is_left])
-
-
-def add_solids(contact: Contact, mesh: trimesh.Trimesh, primitives: Primitives) -> Contact:
-    """Return contact with the solid primitives as its last pieces, and its distances from the whole surface."""
+    Without a rest of the surface they are all of it.
+    """
     solids = [solid.as_mesh() for solid in find_solids(primitives)]
     kinds = [one.kind for one in primitives.shapes]
     notes = {**contact.notes, "primitives": {kind: kinds.count(kind) for kind in sorted(set(kinds))}}
     if not solids:
         return replace(contact, notes=notes)
-    is_rest = take_solids_out(mesh, primitives).sum() >= _FEWEST
-    pieces = [*contact.pieces, *solids] if is_rest else solids
+    pieces = [*contact.pieces, *solids] if has_rest else solids
     quality = SurfaceDistance(mesh).measure(pieces, contact.quality.seconds)
     return replace(contact, pieces=pieces, quality=quality, notes=notes)

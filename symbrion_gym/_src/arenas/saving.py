@@ -7,37 +7,49 @@ and `arena.json` after them, and what it no longer names is removed last.
 
 from __future__ import annotations
 
-import io
-import json
 import logging
-import os
 import re
-from collections.abc import Set
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-import mujoco
-import numpy as np
-
-from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
 from reconstruction._src.base.bounded_read import read_npz
-from reconstruction._src.base.typed_json import read_json
-from symbrion_gym._src.arenas.checks import check_height_field, check_piece, check_surface
-from symbrion_gym._src.arenas.description import FORMAT, PLAIN, SPARE, load_description
+from reconstruction._src.base.typed_json import JsonError, as_type, read_json
+from symbrion_gym._src.arenas.checks import (
+    check_friction,
+    check_height_field,
+    check_names,
+    check_piece,
+    check_surface,
+)
+from symbrion_gym._src.arenas.course import make_course
 from symbrion_gym._src.arenas.friction_map import FrictionMap
-from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects
+from symbrion_gym._src.arenas.owned_files import (
+    FileOwner,
+    format_arrays,
+    remove_files,
+    write_file,
+    write_json,
+)
+from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects, read_objects
+from symbrion_gym._src.arenas.primitives import primitives_from_dict
 from symbrion_gym._src.arenas.spec import ArenaGeometry, make_arena_spec
-from symbrion_gym._src.arenas.surface_file import format_surface, load_colored_obj, load_obj
+from symbrion_gym._src.arenas.surface_file import format_obj, load_obj
 from symbrion_gym._src.arenas.texture import TEXTURE_FILE, SurfaceTexture, load_png, to_png
 from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
 logger = logging.getLogger(__name__)
+FORMAT = 1
 ABOUT, MODEL = "arena.json", "arena.xml"
+PLAIN, SPARE = "", ".arena/"
+"""Where the meshes of an arena may lie in its folder; spare only while it takes the place of another."""
+_MOST_PIECES = 100_000
 _SURFACE_DIGITS, _PIECE_DIGITS = 4, 6
 _MESH = r"surface\.obj|surface\.png|height_field\.npz|pieces/\d{3,}\.obj"
-_OWN = re.compile(rf"(?:{re.escape(SPARE)})?(?:{_MESH})|{re.escape(MODEL)}|{re.escape(ABOUT)}")
-"""Every name that a file of an arena may have; whatever a manifest says, no other is touched."""
+_PATTERN = rf"(?:{re.escape(SPARE)})?(?:{_MESH})|{re.escape(MODEL)}|{re.escape(ABOUT)}"
+_OWNER = FileOwner("arena", ABOUT, FORMAT, re.compile(_PATTERN))
 
 
 class OwnFiles(NamedTuple):
@@ -53,104 +65,49 @@ def save_arena(
     geometry: ArenaGeometry,
     friction: float,
     about: dict[str, Any],
-    friction_map: FrictionMap | None = None,
-    objects: tuple[PlacedObject, ...] = (),
+    friction_map: FrictionMap | None,
+    objects: tuple[PlacedObject, ...],
 ) -> None:
     """Write an arena as a folder; of what is there, only the files of a former arena are replaced."""
     folder = Path(folder)
     meshes, about = _format_meshes(geometry), {"format": FORMAT, **about}
-    spec = make_arena_spec(name, geometry, friction, use_files=True, friction_map=friction_map)
+    spec = make_arena_spec(name, geometry, friction, friction_map, use_files=True)
     add_objects(spec, objects)
-    model = _format_model(spec, meshes)
+    spec.assets = meshes
+    spec.compile()
+    model = spec.to_xml()
     models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
     own = find_own_files(folder)
     if not objects and count_objects(folder):
         logger.warning("%s: its %d known objects are replaced by none", folder, count_objects(folder))
     wanted = {f"{place}{name}" for place in (SPARE, PLAIN) for name in meshes} | {MODEL, ABOUT}
-    _refuse_foreign(folder, wanted, own.names)
+    _OWNER.refuse_foreign(folder, wanted, own.names)
     _drop_stale_model(folder, own.place)
     for place in (PLAIN,) if own.place == SPARE else (SPARE, PLAIN):
         current = {f"{place}{name}" for name in meshes} | {MODEL, ABOUT}
         for name, content in meshes.items():
-            _write(folder / f"{place}{name}", content)
+            write_file(folder / f"{place}{name}", content)
         files = sorted(current if place == PLAIN else own.names | wanted)
-        _write(folder / ABOUT, _to_json(about | {"place": place, "files": files}))
-        _write(folder / MODEL, models[place].encode())
-        _remove(folder, own.names | wanted, keep=current)
+        write_json(folder / ABOUT, about | {"place": place, "files": files})
+        write_file(folder / MODEL, models[place].encode())
+        places = (f"{SPARE}pieces/", SPARE, "pieces/")
+        remove_files(folder, own.names | wanted, places, keep=current)
 
 
 def find_own_files(folder: Path) -> OwnFiles:
     """Return which files in a folder are an arena's; none where there is no folder, or nothing in it."""
-    if folder.exists() and not folder.is_dir():
-        raise ArenaError(f"{folder} is a file; choose another folder")
-    spare = {f"{SPARE}{name}" for name in _list_files(folder / SPARE)}
-    spare = {name for name in spare if _OWN.fullmatch(name)}
-    if not (folder / ABOUT).exists():
-        entries = set(folder.iterdir()) if folder.exists() else set()
-        if entries - find_leftovers(folder).keys() - {folder / SPARE}:
-            raise ArenaError(f"{folder} is not empty and holds no arena; choose another folder")
-        return OwnFiles(PLAIN, frozenset(spare))
-    about = _read_about(folder / ABOUT)
-    files = about.get("files")
-    if files is None:  # saved before there was a manifest
-        files = [name for name in _list_files(folder) if _was_in_format_1(name, about)]
-    named = {name for name in files if isinstance(name, str) and _OWN.fullmatch(name)}
-    return OwnFiles(about.get("place", PLAIN), frozenset(named | spare | {ABOUT}))
+    about = _OWNER.read_manifest(folder, ignored=SPARE)
+    places = [folder / SPARE, folder / SPARE / "pieces"]
+    paths = [path for place in places if place.is_dir() for path in place.iterdir() if path.is_file()]
+    spare = {path.relative_to(folder).as_posix() for path in paths}
+    own = {name for name in spare if _OWNER.pattern.fullmatch(name)}
+    return OwnFiles(SPARE if about.get("place") == SPARE else PLAIN, _OWNER.list_files(about) | own)
 
 
 def count_objects(folder: Path) -> int:
     """Return how many known objects the arena in a folder has; 0 where there is none."""
-    if not (folder / ABOUT).exists():
-        return 0
-    objects = _read_about(folder / ABOUT).get("objects", [])
+    objects = _OWNER.read_manifest(folder, ignored=SPARE).get("objects", [])
     return len(objects) if isinstance(objects, list) else 0
-
-
-def _read_about(path: Path) -> dict[str, Any]:
-    try:
-        about = read_json(path)
-        if about["format"] > FORMAT:
-            raise ArenaError(f"{path}: written by a newer version; choose another folder")
-        if not isinstance(about.get("files", []), list) or about["num_pieces"] < 0 or not about["kind"]:
-            raise ValueError("not an arena's")
-        if about.get("place", PLAIN) not in (PLAIN, SPARE):
-            raise ValueError("no place of an arena's meshes")
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        if isinstance(error, ArenaError):
-            raise
-        raise ArenaError(
-            f"{path} is damaged or of another program, so that nobody knows which files beside it are an arena's; "
-            "choose another folder"
-        ) from error
-    return about
-
-
-def _was_in_format_1(name: str, about: dict[str, Any]) -> bool:
-    if name.startswith("pieces/"):
-        return bool(_OWN.fullmatch(name)) and int(Path(name).stem) < about["num_pieces"]
-    return name in (MODEL, "surface.obj") or (name == "height_field.npz" and about["kind"] == "hfield")
-
-
-def _list_files(folder: Path) -> list[str]:
-    """Return the files of a folder and of its `pieces`, relative to it."""
-    paths = [path for place in (folder, folder / "pieces") if place.is_dir() for path in place.iterdir()]
-    return [path.relative_to(folder).as_posix() for path in paths if path.is_file()]
-
-
-def _refuse_foreign(folder: Path, wanted: Set[str], own: Set[str]) -> None:
-    """Refuse to write where something lies that is no file of the arena: a file, a folder, a link."""
-    for name in sorted(wanted):
-        path = folder / name
-        is_free = not os.path.lexists(path) and (path.parent.is_dir() or not os.path.lexists(path.parent))
-        if not _is_inside(folder, name) or not (is_free or (name in own and path.is_file())):
-            raise ArenaError(
-                f"{path} is in the way and no file of the arena in {folder}; move it, or choose another folder"
-            )
-
-
-def _is_inside(folder: Path, name: str) -> bool:
-    """Return whether a name leads to that place in the folder, and by no link elsewhere."""
-    return (folder / name).resolve() == folder.resolve() / name
 
 
 def _drop_stale_model(folder: Path, place: str) -> None:
@@ -160,65 +117,106 @@ def _drop_stale_model(folder: Path, place: str) -> None:
         path.unlink()
 
 
-def _write(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as temporary:
-        temporary.write_bytes(content)
-
-
-def _remove(folder: Path, names: Set[str], keep: Set[str]) -> None:
-    """Remove own files but some, the temporary files of killed savings, and the folders that are empty then."""
-    for name in names - keep:
-        if _is_inside(folder, name) and (folder / name).is_file():
-            (folder / name).unlink()
-    for place in (f"{SPARE}pieces/", SPARE, "pieces/", ""):
-        for path, name in find_leftovers(folder / place).items():
-            if f"{place}{name}" in names and _is_inside(folder, f"{place}{path.name}"):
-                path.unlink(missing_ok=True)
-        if place and (folder / place).is_dir() and not any((folder / place).iterdir()):
-            (folder / place).rmdir()
-
-
 def _format_meshes(geometry: ArenaGeometry) -> dict[str, bytes]:
     """Return name -> content."""
-    files = {"surface.obj": format_surface(geometry.surface, geometry.texture, _SURFACE_DIGITS)}
+    files = {"surface.obj": format_obj(geometry.surface, geometry.texture, _SURFACE_DIGITS)}
     if geometry.texture is not None:
         files[TEXTURE_FILE] = to_png(geometry.texture.image)
     for i, piece in enumerate(geometry.pieces):
-        files[f"pieces/{i:03d}.obj"] = format_surface(piece, None, _PIECE_DIGITS)
+        files[f"pieces/{i:03d}.obj"] = format_obj(piece, None, _PIECE_DIGITS)
     if geometry.height_field is not None:
-        buffer = io.BytesIO()
-        np.savez_compressed(buffer, **geometry.height_field._asdict())
-        files["height_field.npz"] = buffer.getvalue()
+        files["height_field.npz"] = format_arrays(geometry.height_field._asdict())
     return files
 
 
-def _format_model(spec: mujoco.MjSpec, meshes: dict[str, bytes]) -> str:
-    """Return `arena.xml`; it compiles."""
-    spec.assets = meshes
-    spec.compile()
-    return spec.to_xml()
+@dataclass(frozen=True)
+class _Description:
+    """The content of `arena.json`, checked by type and range."""
 
+    format: int
+    name: str
+    kind: Literal["convex", "hfield", "prisms", "mixed"]
+    friction: float
+    num_pieces: int  # number of contact pieces in the folder
+    quality: dict[str, Any]  # as `ArenaQuality.as_dict` returned it
+    provenance: dict[str, Any]
+    place: Literal["", ".arena/"]  # where the meshes lie, relative to the folder
+    files: tuple[str, ...]  # the arena's own files
+    course: dict[str, Any] | None = None  # as `Course.as_dict` returned it; None for scanned ones
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    friction_source: str = "given"
+    has_texture: bool = False  # whether the surface has colors
+    friction_map: dict[str, Any] | None = None  # as `FrictionMap.as_dict` returned it
+    primitives: dict[str, Any] | None = None  # as `primitives_to_dict` returned them, for the kind "mixed"
+    objects: tuple[dict[str, Any], ...] = ()  # as `PlacedObject.as_dict` returned them
 
-def _to_json(about: dict[str, Any]) -> bytes:
-    return (json.dumps(about, indent=2, allow_nan=False) + "\n").encode()
+    def __post_init__(self) -> None:
+        if self.format < 1:
+            raise ArenaError(f"format is {self.format}; formats count from 1")
+        check_names(self.name, self.friction_source)
+        check_friction(self.friction)
+        if not 0 <= self.num_pieces <= _MOST_PIECES:
+            raise ArenaError(f"num_pieces is {self.num_pieces}; 0 to {_MOST_PIECES} are possible")
+        if (self.kind == "hfield") != (self.num_pieces == 0):
+            raise ArenaError(
+                f"num_pieces is {self.num_pieces} and kind {self.kind!r}; a height field alone has no pieces"
+            )
+        for index in range(
+            self.num_pieces + 1 if self.place == PLAIN else 0
+        ):  # else files of two arenas are listed
+            name, is_wanted = f"pieces/{index:03d}.obj", index < self.num_pieces
+            if (name in self.files) != is_wanted:
+                how = "not listed" if is_wanted else "listed"
+                raise ArenaError(f"num_pieces is {self.num_pieces}, but {name} is {how} in files")
+
+    def as_arena_fields(self) -> dict[str, Any]:
+        """Return the fields of an `Arena` that are not geometry."""
+        same = ("name", "kind", "friction", "provenance", "offset", "friction_source")
+        return {name: getattr(self, name) for name in same} | {
+            "course": None if self.course is None else make_course(self.course),
+            "quality": ArenaQuality.from_dict(self.quality),
+            "friction_map": None if self.friction_map is None else FrictionMap.from_dict(self.friction_map),
+            "primitives": None if self.primitives is None else primitives_from_dict(self.primitives),
+            "objects": read_objects(self.objects),
+        }
 
 
 def load_arena_folder(folder: str | Path) -> dict[str, Any]:
-    """Return the fields of the arena in a folder."""
+    """Return the fields of the arena in a folder; entries of `arena.json` that it does not know are left alone."""
     folder = Path(folder)
-    fields, files = load_description(folder / "arena.json")
-    surface, uv = load_colored_obj(files.surface)
-    pieces = [load_obj(path) for path in files.pieces]
-    check_surface(surface, files.surface)
-    texture = None
-    if files.texture is not None:
-        texture = SurfaceTexture(load_png(files.texture), np.zeros((0, 3, 2)) if uv is None else uv)
-    for piece, path in zip(pieces, files.pieces, strict=True):
-        check_piece(piece, path)
-    height_field = None if files.height_field is None else _load_height_field(files.height_field)
-    shapes = {"surface": surface, "pieces": pieces, "height_field": height_field}
-    return fields | shapes | ({} if texture is None else {"texture": texture})
+    path = folder / ABOUT
+    if not path.is_file():
+        raise ArenaError(f"{folder} holds no {ABOUT}")
+    try:
+        content = read_json(path)
+        version = content.get("format") if isinstance(content, dict) else None
+        if isinstance(version, int) and version > FORMAT:  # whose other fields may be anything
+            raise ArenaError(f"format is {version}, of a newer release; this one reads up to {FORMAT}")
+        about = as_type(content, _Description, others_allowed=True)
+        fields = about.as_arena_fields()
+    except (JsonError, ArenaError, OSError) as error:
+        raise ArenaError(f"{path}: {error}; build the arena again with make_arena") from error
+    return fields | _load_geometry(folder / about.place, about)
+
+
+def _load_geometry(meshes: Path, about: _Description) -> dict[str, Any]:
+    """Return the fields of an `Arena` that are geometry."""
+    surface, uv = load_obj(meshes / "surface.obj")
+    check_surface(surface, meshes / "surface.obj")
+    pieces = []
+    for index in range(about.num_pieces):
+        path = meshes / f"pieces/{index:03d}.obj"
+        pieces.append(load_obj(path)[0])
+        check_piece(pieces[-1], path)
+    field = _load_height_field(meshes / "height_field.npz") if about.kind == "hfield" else None
+    found = {"surface": surface, "pieces": pieces, "height_field": field}
+    if about.has_texture and uv is None:
+        raise ArenaError(
+            f"{meshes / 'surface.obj'} has no places in its texture; build it again with make_arena"
+        )
+    if about.has_texture and uv is not None:
+        found["texture"] = SurfaceTexture(load_png(meshes / TEXTURE_FILE), uv)
+    return found
 
 
 def _load_height_field(path: Path) -> HeightField:

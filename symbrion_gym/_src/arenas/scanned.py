@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import trimesh
@@ -15,13 +17,15 @@ from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction._src.geometry.orientation import orient_to_viewpoints
+from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.geometry.sampling import count_votes, sample_area
 from reconstruction._src.input_cloud import shift_frame
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, to_meters
-from symbrion_gym._src.arenas.surface_colors import sample_mesh_colors
 from symbrion_gym._src.arenas.surface_file import check_has_surface, load_surface
-from symbrion_gym._src.contact.quality import RayMesh
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
+from symbrion_gym._src.contact.visibility import add_visibility, measure_visibility
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
@@ -148,67 +152,41 @@ def find_doubts(scanned: ScannedSurface) -> list[str]:
 
 
 def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFrame) -> ScannedSurface:
-    if isinstance(surface, trimesh.Trimesh):
-        placed = _place(surface, frame, "mesh")
-        return ScannedSurface(placed, colored=sample_mesh_colors(surface, np.asarray(placed.vertices)))
+    from reconstruction._src.reconstruction import Reconstruction
+    from reconstruction._src.scans.mesh_files import load_mesh
+
+    name, ending = "mesh", ""
     if isinstance(surface, str | Path):
-        name = make_printable(Path(surface).name)
+        name, ending = make_printable(Path(surface).name), Path(surface).suffix.lower()
         check_has_surface(Path(surface))
-        if Path(surface).suffix.lower() == ".npz":
-            _check_no_frame(frame, name)
-            from reconstruction._src.reconstruction import Reconstruction
+        if ending in _WITH_FRAME and not Path(surface).is_file():
+            raise ArenaError(f"no mesh file {surface}")
+    try:
+        if ending in _WITH_FRAME:
+            mesh = load_mesh(Path(str(surface)), *frame)
+            x, y, z = map(float, mesh.metadata.get("offset", np.zeros(3)))
+            colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
+            return ScannedSurface(mesh, name, offset=(x, y, z), colored=colored)
+        if isinstance(surface, str | Path):
+            surface = Reconstruction.load(surface) if ending == ".npz" else load_surface(surface)
+        if not isinstance(surface, trimesh.Trimesh):
+            return _take_reconstruction(surface, name if ending else "reconstruction", frame)
+        vertices = np.asarray(surface.vertices, dtype=np.float64)
+        if np.shape(vertices)[1:] != (3,):
+            raise ArenaError(f"{name}: vertices have three coordinates, not {vertices.shape}")
+        placed = to_meters(vertices, RawPoints(vertices), *frame)
+    except (ReconstructionError, ScanError) as error:
+        raise ArenaError(str(error)) from error
+    mesh = surface if placed is vertices else trimesh.Trimesh(placed, surface.faces, process=False)
+    return ScannedSurface(mesh, name, colored=sample_mesh_colors(surface, placed))
 
-            try:
-                return _take_reconstruction(Reconstruction.load(surface), name)
-            except ReconstructionError as error:
-                raise ArenaError(str(error)) from error
-        if Path(surface).suffix.lower() in _WITH_FRAME:
-            return _take_file(Path(surface), name, frame)
-        mesh = load_surface(surface)
-        placed = _place(mesh, frame, name)
-        return ScannedSurface(placed, name, colored=sample_mesh_colors(mesh, np.asarray(placed.vertices)))
-    _check_no_frame(frame, "a reconstruction")
-    return _take_reconstruction(surface, "reconstruction")
 
-
-def _check_no_frame(frame: MeshFrame, name: str) -> None:
+def _take_reconstruction(made: Reconstruction, name: str, frame: MeshFrame) -> ScannedSurface:
     if frame != MeshFrame():
         raise ArenaError(
             f"{name}: a reconstruction is in meters, z up; give unit, up and scale where the points are read "
             "(`symbrion reconstruct`, rc.load_cloud)"
         )
-
-
-def _place(mesh: trimesh.Trimesh, frame: MeshFrame, name: str) -> trimesh.Trimesh:
-    """Return a mesh in meters, z up; itself where it is."""
-    vertices = np.asarray(mesh.vertices, dtype=np.float64)
-    if vertices.shape[1:] != (3,):
-        raise ArenaError(f"{name}: vertices have three coordinates, not {vertices.shape[-1]}")
-    try:
-        placed = to_meters(vertices, RawPoints(vertices), *frame)
-    except ScanError as error:
-        raise ArenaError(str(error)) from error
-    return mesh if placed is vertices else trimesh.Trimesh(placed, mesh.faces, process=False)
-
-
-def _take_file(path: Path, name: str, frame: MeshFrame) -> ScannedSurface:
-    """Return a mesh file in meters, z up, by what the user says, else its format."""
-    from reconstruction._src.scans.mesh_files import load_mesh
-
-    if not path.is_file():
-        raise ArenaError(f"no mesh file {path}")
-    try:
-        mesh = load_mesh(path, *frame)
-    except ScanError as error:
-        raise ArenaError(str(error)) from error
-    offset = np.asarray(mesh.metadata.get("offset", np.zeros(3)), dtype=np.float64)
-    colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
-    return ScannedSurface(
-        mesh, name, offset=(float(offset[0]), float(offset[1]), float(offset[2])), colored=colored
-    )
-
-
-def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
     readings = made.readings
     return ScannedSurface(
         made.mesh,
@@ -228,8 +206,8 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
 def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
     try:
         array = np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))
-    except (TypeError, ValueError) as error:
-        raise ArenaError(f"viewpoints must be positions x, y, z, got {viewpoints!r}") from error
+    except (TypeError, ValueError):
+        array = np.zeros((0, 3))
     if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
         raise ArenaError(f"viewpoints must be one or more finite positions x, y, z, got {viewpoints!r}")
     return array
@@ -245,7 +223,9 @@ def _look_from(scanned: ScannedSurface, viewpoints: Float[np.ndarray, "K 3"]) ->
     if points is None:
         mesh = mesh.copy()
         mesh.merge_vertices(merge_tex=True, merge_norm=True)  # triangles of an .stl share none
-        points, seen_from = _see(mesh, viewpoints)
+        points = np.zeros((0, 3))
+        if np.isfinite(mesh.vertices).all() and mesh.area > 0:  # else the repair refuses it
+            points, seen_from = simulate_readings(mesh, viewpoints)
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int64)
     turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints, seen_from)
@@ -253,25 +233,12 @@ def _look_from(scanned: ScannedSurface, viewpoints: Float[np.ndarray, "K 3"]) ->
     return replace(scanned, mesh=mesh, viewpoints=viewpoints, seen_from=None, is_oriented=True)
 
 
-def _see(
-    mesh: trimesh.Trimesh, viewpoints: Float[np.ndarray, "K 3"]
-) -> tuple[Float[np.ndarray, "N 3"], Int[np.ndarray, " N"]]:
-    """Return exact readings of a mesh; none of one that has no area or is damaged, which the repair refuses."""
-    vertices = np.asarray(mesh.vertices, dtype=np.float64)
-    if not np.isfinite(vertices).all() or not mesh.area > 0:
-        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
-    return simulate_readings(mesh, viewpoints)
-
-
 def _recenter(scanned: ScannedSurface) -> ScannedSurface:
     """Return a surface near the origin: what is far off is moved by whole meters."""
     vertices = np.asarray(scanned.mesh.vertices, dtype=np.float64)
-    if vertices.ndim != 2 or vertices.shape[1] != 3:
-        return scanned  # the repair refuses it
     finite = vertices[np.isfinite(vertices).all(axis=1)]
-    if not len(finite) or float(np.abs(finite).max()) > _FARTHEST:
-        return scanned
-    step = find_offset(finite)
+    is_place = vertices.ndim == 2 and len(finite) and float(np.abs(finite).max()) <= _FARTHEST
+    step = find_offset(finite) if is_place else np.zeros(3)  # the repair refuses what is no place
     if not step.any():
         return scanned
     total = np.array(scanned.offset) + step
@@ -283,3 +250,65 @@ def _recenter(scanned: ScannedSurface) -> ScannedSurface:
         colored=None if scanned.colored is None else shift_frame(scanned.colored, step),
         offset=(float(total[0]), float(total[1]), float(total[2])),
     )
+
+
+def add_scan_quality(
+    quality: ArenaQuality,
+    scanned: ScannedSurface,
+    contact: Sequence[trimesh.Trimesh] | HeightField,
+    surface: trimesh.Trimesh,
+) -> ArenaQuality:
+    """Return the quality of an arena with the shares of beams, of free space and of dropped readings.
+
+    What the scan does not tell stays None: beams and free space without viewpoints. With viewpoints and without
+    readings, exact readings of the surface take their place.
+    """
+    quality = replace(quality, dropped=scanned.dropped)
+    points, seen_from = scanned.points, scanned.seen_from
+    if scanned.viewpoints is None:
+        return quality
+    if points is None:
+        points, seen_from = simulate_readings(surface, scanned.viewpoints)
+    visibility = measure_visibility(points, scanned.viewpoints, seen_from, contact, surface)
+    return add_visibility(quality, visibility)
+
+
+_NUM_SAMPLES = 200_000  # Points on the faces of a colored mesh: 1 cm apart on 20 m²
+_logger = logging.getLogger(__name__)
+
+
+def sample_mesh_colors(mesh: trimesh.Trimesh, vertices: Float[np.ndarray, "V 3"]) -> Cloud | None:
+    """Return points on a mesh with its colors: those of its vertices, its faces or its texture; None without colors.
+
+    One plain color for all, as a texture without a picture gives, is that of a program, not of a scan.
+    """
+    visual: Any = mesh.visual
+    faces = np.asarray(mesh.faces)
+    if visual is None or not visual.defined or not len(faces) or not np.isfinite(vertices).all():
+        return None
+    material = getattr(visual, "material", None)
+    pictures = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
+    if material is not None and (visual.uv is None or pictures == [None, None]):
+        return None
+    ends = np.cumsum(compute_areas(vertices, faces))
+    if not ends[-1] > 0:
+        return None
+    place = (np.arange(_NUM_SAMPLES) + 0.5) / _NUM_SAMPLES * ends[-1]
+    face = np.minimum(np.searchsorted(ends, place), len(faces) - 1)
+    corners, weights = faces[face], np.random.default_rng(0).dirichlet(np.ones(3), _NUM_SAMPLES)
+    try:
+        if material is not None:
+            uv = np.asarray(visual.uv)[corners]
+            colors = visual.material.to_color(np.einsum("sk,ski->si", weights, uv))
+        elif visual.kind == "face":
+            colors = np.asarray(visual.face_colors)[face]
+        else:
+            colors = np.asarray(visual.vertex_colors)[corners].astype(np.float64)
+            colors = np.round(np.einsum("sk,ski->si", weights, colors))
+    except (
+        Exception
+    ) as error:  # trimesh needs a library for pictures, and files name pictures that are not there
+        _logger.warning("the colors of the mesh are left out: %s", error)
+        return None
+    rgb = np.ascontiguousarray(np.asarray(colors)[:, :3], dtype=np.uint8)
+    return Cloud(np.einsum("sk,ski->si", weights, vertices[corners]), rgb)

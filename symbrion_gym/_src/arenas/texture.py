@@ -1,10 +1,10 @@
-"""The colors of an arena's surface as a picture: MuJoCo draws no colors of vertices."""
+"""The colors of an arena's surface, and a picture of them: MuJoCo draws no colors of vertices."""
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,9 +12,13 @@ import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int, UInt8
+from scipy.ndimage import map_coordinates
+from scipy.spatial import cKDTree
 
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.surfaces.color import ColorSource, Paint
+from reconstruction._src.surfaces.color import WHITE, ColorSource, Paint, add_alpha
+from symbrion_gym._src.arenas.course import PATTERNS, Course, StairsCourse
+from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.errors import ArenaError
 
 _BLOCK = 8  # Edge of the smallest cell, of which all others are made [texel]
@@ -22,8 +26,6 @@ _RIM = 4  # Texels of a cell's edge that are no part of a triangle's leg: filter
 _GROWTH = 1.19  # Texels grow by this until all cells fit: their number halves in two steps
 _MOST_TEXELS = 200_000  # Texels that are worked on at once: bounds the memory to some 100 MB
 _BITS = 10  # Of each coordinate in the order of triangles in space
-
-
 _MAX_SIZE = 2048  # Edge of the picture [texel], a power of two; texels grow until all triangles fit
 _MAX_CELL = 512  # Edge of the cell of the largest triangles [texel], a power of two
 
@@ -58,7 +60,10 @@ class Atlas(NamedTuple):
 
 
 def make_atlas(triangles: Float[np.ndarray, "F 3 3"], texel: float) -> Atlas:
-    """Lay out triangles, in cells so large that texels are no larger than wanted, where the picture has room for it."""
+    """Lay out triangles, in cells so large that texels are no larger than wanted, where the picture has room for it.
+
+    Cells lie along a Z curve in the order of their triangles along one in space, so that neighbors stay together.
+    """
     lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)  # edge k: from corner k on
     first = (lengths.argmax(axis=1) + 2) % 3  # opposite to the longest edge
     order = (first[:, None] + np.arange(3)) % 3
@@ -132,26 +137,19 @@ def _compute_weights(size: int, x: np.ndarray, y: np.ndarray, is_lower: np.ndarr
 
 def _decode(codes: Int[np.ndarray, " C"]) -> Int[np.ndarray, "C 2"]:
     """Return column and row on the Z curve."""
-    place = np.zeros((len(codes), 2), dtype=np.int64)
-    for bit in range(16):
-        place[:, 0] |= ((codes >> (2 * bit)) & 1) << bit
-        place[:, 1] |= ((codes >> (2 * bit + 1)) & 1) << bit
-    return place
+    places = [sum(((codes >> (2 * bit + axis)) & 1) << bit for bit in range(16)) for axis in range(2)]
+    return np.stack(places, axis=1)
 
 
 def _compute_codes(places: Float[np.ndarray, "F 3"]) -> Int[np.ndarray, " F"]:
     """Return the place of points along a Z curve in space."""
     low, extent = places.min(axis=0), float(np.ptp(places, axis=0).max())
     steps = ((places - low) / max(extent, np.finfo(float).tiny) * (2**_BITS - 1)).astype(np.int64)
-    codes = np.zeros(len(places), dtype=np.int64)
-    for bit in range(_BITS):
-        for axis in range(3):
-            codes |= ((steps[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return codes
+    bits = [((steps[:, axis] >> bit) & 1) << (3 * bit + axis) for bit in range(_BITS) for axis in range(3)]
+    return np.sum(bits, axis=0)
 
 
 TEXTURE_FILE = "surface.png"
-_WHITE = 255
 _PROBES = 500  # Colored points whose distances from the next ones give the distance of all: their median
 _SPACING_NEIGHBOR = 4  # That neighbor is a spacing away: nearer ones may be of the same scan line
 
@@ -168,44 +166,44 @@ class SurfaceTexture(NamedTuple):
     ) -> Float[np.ndarray, "N 3"]:
         """Return the colors (0 to 1) of places on faces, between texels as a renderer takes them."""
         height, width = self.image.shape[:2]
-        uv = np.einsum("nk,nki->ni", weights, self.uv[face])
-        column, row = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
-        left, top = np.floor(column).astype(int), np.floor(row).astype(int)
-        total = np.zeros((len(uv), 3))
-        for down in (0, 1):
-            for right in (0, 1):
-                share = np.abs(1 - right - (column - left)) * np.abs(1 - down - (row - top))
-                rows, columns = np.clip(top + down, 0, height - 1), np.clip(left + right, 0, width - 1)
-                total += share[:, None] * self.image[rows, columns]
-        return total / _WHITE
+        u, v = np.einsum("nk,nki->in", weights, self.uv[face])
+        at = np.stack([(1.0 - v) * height - 0.5, u * width - 0.5])
+        channels = [map_coordinates(self.image[..., k], at, float, order=1, mode="nearest") for k in range(3)]
+        return np.stack(channels, axis=1) / WHITE
 
 
 def make_texture(mesh: trimesh.Trimesh, cloud: Cloud) -> SurfaceTexture:
     """Return a texture of a mesh in which each texel has the color of the points around it."""
-    texel = _compute_spacing(cloud)
-    triangles = np.asarray(mesh.triangles, dtype=np.float64)
-    atlas, source = make_atlas(triangles, texel), ColorSource(cloud)
-    image = _make_blank(atlas, np.asarray(cloud.colors).mean(axis=0))
-    normals = np.asarray(mesh.face_normals)
-    for at, face, places in iterate_texels(atlas, triangles):
-        image[at[:, 1], at[:, 0]] = source.find_colors(places, normals[face])
-    return SurfaceTexture(image, atlas.compute_uv())
+    source, normals = ColorSource(cloud), np.asarray(mesh.face_normals)
+
+    def find_colors(places: Float[np.ndarray, "N 3"], face: Int[np.ndarray, " N"]) -> np.ndarray:
+        return source.find_colors(places, normals[face])
+
+    return _fill(mesh, _compute_spacing(cloud), np.asarray(cloud.colors).mean(axis=0), find_colors)
 
 
 def paint_texture(mesh: trimesh.Trimesh, paint: Paint, texel: float = 0.01) -> SurfaceTexture:
     """Return a texture of a mesh whose colors are known everywhere."""
+
+    def find_colors(places: Float[np.ndarray, "N 3"], face: Int[np.ndarray, " N"]) -> np.ndarray:
+        return np.round(WHITE * np.clip(np.asarray(paint(places), dtype=np.float64), 0.0, 1.0))
+
+    return _fill(mesh, texel, WHITE * np.asarray(paint(np.asarray(mesh.vertices))).mean(axis=0), find_colors)
+
+
+def _fill(
+    mesh: trimesh.Trimesh,
+    texel: float,
+    background: Float[np.ndarray, " 3"],
+    find_colors: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> SurfaceTexture:
+    """Return a texture with the colors of places on faces; coarse versions of it mix in the background."""
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
     atlas = make_atlas(triangles, texel)
-    image = _make_blank(atlas, _WHITE * np.asarray(paint(np.asarray(mesh.vertices))).mean(axis=0))
-    for at, _, places in iterate_texels(atlas, triangles):
-        colors = np.clip(np.asarray(paint(places), dtype=np.float64), 0.0, 1.0)
-        image[at[:, 1], at[:, 0]] = np.round(_WHITE * colors).astype(np.uint8)
+    image = np.tile(np.round(background).astype(np.uint8), (atlas.height, atlas.width, 1))
+    for at, face, places in iterate_texels(atlas, triangles):
+        image[at[:, 1], at[:, 0]] = find_colors(places, face)
     return SurfaceTexture(image, atlas.compute_uv())
-
-
-def _make_blank(atlas: Atlas, color: Float[np.ndarray, " 3"]) -> UInt8[np.ndarray, "H W 3"]:
-    """Return a picture of one color: coarse versions of a texture mix in what no triangle covers."""
-    return np.tile(np.round(color).astype(np.uint8), (atlas.height, atlas.width, 1))
 
 
 def check_texture(texture: SurfaceTexture, mesh: trimesh.Trimesh, what: object) -> None:
@@ -213,22 +211,43 @@ def check_texture(texture: SurfaceTexture, mesh: trimesh.Trimesh, what: object) 
     image, uv = texture
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
         raise ArenaError(f"{what}: the texture must be bytes [H, W, 3], not {image.dtype} of {image.shape}")
-    if uv.shape != (len(mesh.faces), 3, 2):
-        raise ArenaError(
-            f"{what}: the texture has places of shape {uv.shape} for {len(mesh.faces)} faces, not [F, 3, 2]"
-        )
-    if not (np.isfinite(uv).all() and (uv >= 0).all() and (uv <= 1).all()):
-        raise ArenaError(f"{what}: places in the texture must lie in 0 to 1; build the arena again")
+    if uv.shape != (len(mesh.faces), 3, 2) or not ((uv >= 0) & (uv <= 1)).all():
+        raise ArenaError(f"{what}: {len(mesh.faces)} faces need places [F, 3, 2] in the texture, each 0 to 1")
 
 
 def _compute_spacing(cloud: Cloud) -> float:
     """Return the distance between neighboring colored points [m]."""
-    from scipy.spatial import cKDTree
-
     tree = cKDTree(cloud.points, balanced_tree=False, compact_nodes=False)
     probes = cloud.points[:: max(1, cloud.num_points // _PROBES)]
     count = min(_SPACING_NEIGHBOR + 1, cloud.num_points)
     return max(float(np.median(tree.query(probes, k=[count])[0])), 1e-4)
+
+
+def paint_course(surface: trimesh.Trimesh, pattern: str) -> SurfaceTexture:
+    """Give the vertices of an exact surface the colors of a pattern, and return its texture."""
+    paint = PATTERNS[pattern]
+    colors = np.round(WHITE * paint(np.asarray(surface.vertices))).astype(np.uint8)
+    surface.visual = trimesh.visual.ColorVisuals(surface, vertex_colors=add_alpha(colors))
+    return paint_texture(surface, paint)
+
+
+def find_surface_colors(
+    surface: trimesh.Trimesh,
+    texture: SurfaceTexture | None,
+    course: Course | StairsCourse | None,
+    positions: Float[np.ndarray, "N 3"],
+) -> Float[np.ndarray, "N 3"]:
+    """Return the colors (0 to 1) of the places of a surface that are nearest to positions."""
+    if course is not None and course.color_pattern:
+        return PATTERNS[course.color_pattern](positions)
+    if texture is None:
+        raise ArenaError(
+            "the arena has no colors; make it of a colored scan or mesh, or of a Course with a color_pattern"
+        )
+    _, face, nearest = find_nearest(positions, np.asarray(surface.vertices), np.asarray(surface.faces))
+    weights = trimesh.triangles.points_to_barycentric(np.asarray(surface.triangles)[face], nearest)
+    weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
+    return texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
 
 
 LIT_COLOR = (0.8, 0.8, 0.8, 1.0)

@@ -19,13 +19,12 @@ from reconstruction._src.base.range_checks import (
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import OptionError, OrganismError
-from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.sensor_names import DEFAULT_SENSORS, SENSORS
+from symbrion_gym._src.robot.scout_constants import DEFAULT_SENSORS, SENSORS, ScoutConfig
 
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.robot.organism import Organism
-    from symbrion_gym._src.robot.scout_sensors import SensorNoise
+    from symbrion_gym._src.robot.scout_constants import SensorNoise
     from symbrion_gym._src.tasks.recorders import Recorder
     from symbrion_gym._src.tasks.route import Point, StartName
     from symbrion_gym._src.tasks.task import Task

@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from symbrion_gym._src.environment.world import Physics, World, make_slice
-from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.robot.organism_sensors import MEASURED, find_free_sides
-from symbrion_gym._src.robot.scout_sensors import SensorNoise
+from symbrion_gym._src.robot.organism import MEASURED, Organism
+from symbrion_gym._src.robot.scout_constants import SensorNoise
 from symbrion_gym._src.robot.tracks import find_driven_wheels
 from symbrion_gym._src.tasks.reach import ReachPlaces
 from symbrion_gym._src.tasks.state import add_up
@@ -42,7 +41,7 @@ def _find_bounds(
         "pitch": (n, -pi / 2, pi / 2),
         "roll": (n, -pi, pi),
         "acceleration": (6 * n, -scout.acceleration_range, scout.acceleration_range),
-        "ir": (2 * len(find_free_sides(world.organism)), 0.0, scout.ir_range),
+        "ir": (2 * len(world.organism.free_sides), 0.0, scout.ir_range),
         "contact": (n, 0.0, scout.contact_range),
         "previous_action": (num_actions, -1.0, 1.0),
         "hinge_target": (h, -angle, angle),

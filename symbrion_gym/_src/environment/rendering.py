@@ -13,7 +13,7 @@ from jaxtyping import Float
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.headless import has_display
-from symbrion_gym._src.robot.scout_look import VISUAL_GROUP
+from symbrion_gym._src.robot.scout import VISUAL_GROUP
 
 _TURNS = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
 """Changes of the azimuth that are tried, the nearest first [deg] ..."""

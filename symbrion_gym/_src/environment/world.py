@@ -14,22 +14,20 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction._src.geometry.pose import PlanarPose
-from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.arena import Arena, stretch_arena
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.arenas.course import COURSES, make_course
 from symbrion_gym._src.arenas.friction_map import find_piece_patches
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym._src.arenas.spec import PATCH_PRIORITY
-from symbrion_gym._src.arenas.stretch import stretch_arena
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import MAX_MODULES, SCOUT_OPTIONS, EnvironmentConfig, apply_options
 from symbrion_gym._src.environment.laying import LIFT, GroundPlacement, Settler, compute_depth, tumble
 from symbrion_gym._src.environment.rendering import add_scene
 from symbrion_gym._src.errors import ArenaError, OrganismError
 from symbrion_gym._src.robot.body_plans import load_organism
-from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.robot.organism_sensors import add_sensors
+from symbrion_gym._src.robot.organism import Organism, add_sensors
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.robot.tracks import compute_wheel_radius, find_driven_wheels, limit_wheels
 from symbrion_gym._src.tasks.state import Scene

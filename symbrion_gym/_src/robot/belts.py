@@ -1,9 +1,9 @@
-"""Two tracks for any robot of a MuJoCo model: `add_tracks`, and the handle that drives them."""
+"""Two tracks for any robot of a MuJoCo model: `add_tracks`, the handle that drives them, and how they turn."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -15,7 +15,6 @@ from scipy.optimize import least_squares
 from reconstruction._src.base.range_checks import check_counts, check_positive
 from reconstruction._src.geometry.pose import make_quarter_turn
 from symbrion_gym._src.errors import OrganismError
-from symbrion_gym._src.robot.tracks import compute_turning_rate
 
 _GRAVITY = 9.81  # [m/s²]
 _TIME_CONSTANT, _LEAST_IMPEDANCE, _LARGEST_IMPEDANCE = 0.02, 0.9, 0.95
@@ -34,7 +33,7 @@ class Contacts(NamedTuple):
     weights: Float[np.ndarray, " bodies"]  # of each body; their sum does not matter
 
 
-def compute_load_gain(friction: float, impratio: float = 1.0, time_constant: float = _TIME_CONSTANT) -> float:
+def compute_load_gain(friction: float, impratio: float = 1.0) -> float:
     """Return by how much the share of a body's weight at a contact grows with the speed of sliding [s/m].
 
     A contact is a damped spring of acceleration, b = 2 / (d_max time_constant), that bears its share with impedance d.
@@ -46,7 +45,7 @@ def compute_load_gain(friction: float, impratio: float = 1.0, time_constant: flo
         acceleration, elliptic cones. Anitescu (2006), Math. Programming 105: why a convex model of friction couples
         sliding to the normal.
     """
-    damping = 2.0 / (_LARGEST_IMPEDANCE * time_constant)
+    damping = 2.0 / (_LARGEST_IMPEDANCE * _TIME_CONSTANT)
     stiff = _LEAST_IMPEDANCE / ((1.0 - _LEAST_IMPEDANCE) * _GRAVITY)
     return friction * damping * stiff / (1.0 + friction**2 / impratio)
 
@@ -55,21 +54,22 @@ def compute_sliding_rate(contacts: Contacts, gain: float) -> float:
     """Return the rate at which a robot turns to the left whose points of contact all slide [rad/s].
 
     Unknown are its motion and, for each body, how it lies on the ground: height and two tilts. Loads grow with depth
-    and with sliding, none pulls; in each body they balance its weight; in the whole, friction balances.
+    and, by the gain, with sliding; none pulls; in each body they balance its weight; in the whole, friction balances.
+
+    References:
+        Wong and Chiang (2001), A general theory for skid steering of tracked vehicles on firm ground,
+        Proc. IMechE D 215, with isotropic Coulomb friction and no centrifugal force: the case without gain.
     """
     speed, reach = float(np.abs(contacts.belts).max()), float(np.abs(contacts.points).max())
     if speed == 0.0:
         return 0.0
-    bodies = len(contacts.weights)
     left = contacts.points[:, 1] > 0
     sides = [contacts.belts[side].mean() / speed for side in (left, ~left)]
-    guess = np.concatenate(
-        [[np.mean(sides), 0.0, (sides[1] - sides[0]) / 2], np.tile([1.0, 0.0, 0.0], bodies)]
-    )
+    motion = [np.mean(sides), 0.0, (sides[1] - sides[0]) / 2]
+    guess = np.concatenate([motion, np.tile([1.0, 0.0, 0.0], len(contacts.weights))])
     for each in np.geomspace(1e-2, 1.0, _STAGES) * gain if gain > 0 else [0.0]:
-        guess = least_squares(
-            _sum_forces, guess, args=(contacts, each, speed, reach), xtol=1e-12, ftol=1e-12
-        ).x
+        scales = (contacts, each, speed, reach)
+        guess = least_squares(_sum_forces, guess, args=scales, xtol=1e-12, ftol=1e-12).x
     return float(guess[2] * speed / reach)
 
 
@@ -95,7 +95,6 @@ def _sum_forces(
 
 
 BELT_MODELS = ("belts", "wheels")
-SIDES = ("left", "right")
 _STILL = 1e-9
 """Surface velocity at compilation [rad/s]: MuJoCo ignores those that are written later to a model without any."""
 _PARTS = 3  # Geoms of a belt
@@ -137,20 +136,21 @@ class TracksConfig:
         positive = "length gauge width height mass friction motor_mass gain max_force"
         check_positive(self, positive.split(), OrganismError)
         check_counts(self, ("num_wheels",), OrganismError)
-        if self.num_wheels < 2:
-            raise OrganismError(f"num_wheels is {self.num_wheels}; a side needs 2 or more")
-        if self.length <= self.height:
-            raise OrganismError(
-                f"length is {self.length} m and height {self.height} m; a belt is longer than high: raise length"
-            )
-        if self.gauge < self.width:
-            raise OrganismError(
-                f"gauge is {self.gauge} m and width {self.width} m: the belts overlap; raise gauge"
-            )
-        if self.model not in BELT_MODELS:
-            raise OrganismError(f"model is {self.model!r}; there are: {', '.join(BELT_MODELS)}")
-        if len(self.position) != 3 or not all(isfinite(value) for value in self.position):
-            raise OrganismError(f"position is {self.position!r}; three finite coordinates are needed [m]")
+        for is_wrong, what in (
+            (self.num_wheels < 2, f"num_wheels is {self.num_wheels}; a side needs 2 or more"),
+            (
+                self.length <= self.height,
+                f"a belt is longer than its height of {self.height} m: raise length",
+            ),
+            (self.gauge < self.width, f"belts {self.width} m wide overlap at {self.gauge} m: raise gauge"),
+            (self.model not in BELT_MODELS, f"model is {self.model!r}; there are: {', '.join(BELT_MODELS)}"),
+            (
+                len(self.position) != 3 or not all(isfinite(value) for value in self.position),
+                f"position is {self.position!r}; three finite coordinates are needed [m]",
+            ),
+        ):
+            if is_wrong:
+                raise OrganismError(what)
 
     @property
     def stations(self) -> Float[np.ndarray, " S"]:
@@ -183,48 +183,43 @@ class Tracks:
         Belts have no control in MuJoCo: `model.geom_surfacevel` is written, also where several simulations share the
         model. Wheels are driven by `data.ctrl`, which this writes.
         """
-        for side, speed in zip(SIDES, (left, right), strict=True):
+        for side, speed in (("left", left), ("right", right)):
             if not isfinite(speed):
                 raise OrganismError(
                     f"the speed of the {side} belt is {speed}; finite numbers are needed [m/s]"
                 )
+            name = f"{self.prefix}belt_{side}"
             if self.config.model == "wheels":
-                data.ctrl[self._find(model, mujoco.mjtObj.mjOBJ_ACTUATOR, self._name(side))] = speed
+                data.ctrl[_find_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)] = speed
                 continue
             for i in range(_PARTS):
-                geom = self._find(model, mujoco.mjtObj.mjOBJ_GEOM, f"{self._name(side)}_{i}")
-                model.geom_surfacevel[geom] = compute_belt_velocity(self.config, speed, is_end=i < 2)
+                geom = _find_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{name}_{i}")
+                model.geom_surfacevel[geom] = _compute_belt_velocity(self.config, speed, is_end=i < 2)
 
     def turning_rate(self, left: float, right: float, others: Sequence[Tracks] = ()) -> float:
         """Return how fast the robot turns to the left on level ground [rad/s].
 
-        Two tracks alone: `compute_turning_rate`, with equal loads at the ends of the belts. With more tracks before or
-        behind, loads are those of MuJoCo's contacts (`compute_sliding_rate`): nearly all of it at the outermost
-        ends, where belts slide fastest, so that the robot turns several times slower than on two of them.
+        Two tracks alone have equal loads at the ends of the belts. With more tracks before or behind, loads are those
+        of MuJoCo's contacts: nearly all of it at the outermost ends, where belts slide fastest, so that the robot turns
+        several times slower than on two of them.
         """
-        config = self.config
-        if not others:
-            return compute_turning_rate(left, right, config.stations, config.gauge, config.width)
         points = np.concatenate([tracks.config.places for tracks in (self, *others)])
         points -= (points.max(axis=0) + points.min(axis=0)) / 2
-        belts = np.where(points[:, 1] > 0, left, right)
-        owner = np.zeros(len(points), int)
-        contacts = Contacts(points, belts, owner, np.zeros((1, 2)), np.ones(1))
-        return compute_sliding_rate(contacts, compute_load_gain(config.friction))
-
-    def _name(self, side: str) -> str:
-        return f"{self.prefix}belt_{side}"
-
-    def _find(self, model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
-        found = mujoco.mj_name2id(model, kind, name)
-        if found < 0:
-            raise OrganismError(
-                f"the model has no {name!r}; after spec.attach(..., prefix) use tracks.renamed(prefix)"
-            )
-        return found
+        belts, owner = np.where(points[:, 1] > 0, left, right), np.zeros(len(points), int)
+        gain = compute_load_gain(self.config.friction) if others else 0.0
+        return compute_sliding_rate(Contacts(points, belts, owner, np.zeros((1, 2)), np.ones(1)), gain)
 
 
-def compute_belt_velocity(config: TracksConfig, speed: float, is_end: bool) -> tuple[float, ...]:
+def _find_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
+    found = mujoco.mj_name2id(model, kind, name)
+    if found < 0:
+        raise OrganismError(
+            f"the model has no {name!r}; after spec.attach(..., prefix) use tracks.renamed(prefix)"
+        )
+    return found
+
+
+def _compute_belt_velocity(config: TracksConfig, speed: float, is_end: bool) -> tuple[float, ...]:
     """Return the surface velocity of a part of a belt: linear [m/s], then angular [rad/s].
 
     It turns about the lateral axis, also in a box: MuJoCo keeps what is tangential, so that the lower side runs
@@ -262,29 +257,22 @@ def add_tracks(
     Raises:
         OrganismError: a value is out of range, there is no such size or body, or a name is taken.
     """
-    config = _find_config(config, sizes)
-    if isinstance(body, str):
-        found = spec.body(body)
-        if found is None:
-            names = ", ".join(repr(one.name) for one in spec.bodies)
-            raise OrganismError(f"the spec has no body {body!r}; there are: {names}")
-        body = found
-    tracks = Tracks(config, prefix)
+    known = [field.name for field in fields(TracksConfig)]
+    unknown = sorted(set(sizes) - set(known))
+    if unknown:
+        raise OrganismError(f"tracks have no {unknown[0]!r}; there are: {', '.join(known)}")
+    config = replace(config or TracksConfig(), **sizes)
+    carrier = spec.body(body) if isinstance(body, str) else body
+    if carrier is None:
+        names = ", ".join(repr(one.name) for one in spec.bodies)
+        raise OrganismError(f"the spec has no body {body!r}; there are: {names}")
     if any(geom.name == f"{prefix}belt_left_0" for geom in spec.geoms):
         raise OrganismError(f"the spec has tracks with the prefix {prefix!r}; give another prefix")
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    for side in SIDES:
+    for side, lateral in (("left", config.gauge / 2), ("right", -config.gauge / 2)):
         add = _add_wheels if config.model == "wheels" else _add_belt
-        add(spec, body, f"{prefix}belt_{side}", config, config.gauge * (0.5 if side == "left" else -0.5))
-    return tracks
-
-
-def _find_config(config: TracksConfig | None, sizes: dict[str, Any]) -> TracksConfig:
-    config = config or TracksConfig()
-    unknown = sorted(set(sizes) - set(asdict(config)))
-    if unknown:
-        raise OrganismError(f"tracks have no {unknown[0]!r}; there are: {', '.join(asdict(config))}")
-    return replace(config, **sizes)
+        add(spec, carrier, f"{prefix}belt_{side}", config, lateral)
+    return Tracks(config, prefix)
 
 
 def _add_belt(
@@ -295,22 +283,19 @@ def _add_belt(
     for i, x in enumerate([*config.stations, 0.0]):
         place = np.add(config.position, (x, lateral, 0.0))
         geom = _add_geom(body, f"{name}_{i}", place, share, config, is_wheel=i < 2)
-        geom.surfacevel = compute_belt_velocity(config, _STILL, is_end=i < 2)
+        geom.surfacevel = _compute_belt_velocity(config, _STILL, is_end=i < 2)
 
 
 def _add_wheels(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, config: TracksConfig, lateral: float
 ) -> None:
     """Add driven wheels that turn alike, and the servo of their belt, on the mean of their circumferences' ways."""
-    count = len(config.stations)
+    count, joint = len(config.stations), mujoco.mjtJoint.mjJNT_HINGE
     belt = spec.add_tendon(name=name)
     inertia = config.motor_mass * (config.height / 2) ** 2 / count
     for i, x in enumerate(config.stations):
-        place = np.add(config.position, (x, lateral, 0.0))
-        wheel = body.add_body(name=f"{name}_{i}", pos=place)
-        wheel.add_joint(
-            name=f"{name}_{i}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=inertia
-        )
+        wheel = body.add_body(name=f"{name}_{i}", pos=np.add(config.position, (x, lateral, 0.0)))
+        wheel.add_joint(name=f"{name}_{i}", type=joint, axis=[0, 1, 0], armature=inertia)
         _add_geom(wheel, f"{name}_{i}", np.zeros(3), config.mass / 2 / count, config, is_wheel=True)
         belt.wrap_joint(f"{name}_{i}", config.height / 2 / count)
         if i > 0:

@@ -13,6 +13,7 @@ References:
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,15 +67,17 @@ def organism_to_text(organism: Organism) -> str:
 
     The constants of the modules are not part of it.
     """
-    joined = {end: (docking.first, docking.second) for docking in organism.dockings for end in docking.ends}
-    sides = {(pair[0] + pair[1] - module, module): side for (module, side), pair in joined.items()}
+    sides = {}  # (module, its neighbor) -> side of the module
+    for docking in organism.dockings:
+        sides[docking.first, docking.second] = docking.first_side
+        sides[docking.second, docking.first] = docking.second_side
     words, parents, open_modules = [], organism.parents, [0]
     for module in organism.order[1:]:
         parent = parents[module]
         while open_modules[-1] != parent:
             open_modules.pop()
             words.append(_BACK)
-        words.append(f"S{_LETTERS[sides[module, parent]]}S{_LETTERS[sides[parent, module]]}")
+        words.append(f"S{_LETTERS[sides[parent, module]]}S{_LETTERS[sides[module, parent]]}")
         open_modules.append(module)
     words += [_BACK] * (len(open_modules) - 1) if len(words) else [_ALONE, _BACK]
     is_listed = organism.order == tuple(range(organism.num_modules))
@@ -87,10 +90,8 @@ def _read_file(path: str) -> str:
         with Path(path).open(encoding="utf-8") as file:
             text = file.read(_MAX_CHARACTERS + 1)
     except (OSError, ValueError) as error:
-        raise OrganismError(
-            f"no organism {path!r}: neither a body plan, a readable file of one, nor a name such as "
-            "'snake8', 'cross' or 'H'"
-        ) from error
+        what = "a body plan, a readable file of one, nor a name such as 'snake8', 'cross' or 'H'"
+        raise OrganismError(f"no organism {path!r}: neither {what}") from error
     if len(text) > _MAX_CHARACTERS:
         raise OrganismError(f"{path} is longer than {_MAX_CHARACTERS} characters; that is no body plan")
     return " ".join(line for line in text.splitlines() if not line.lstrip().startswith("#"))
@@ -109,18 +110,15 @@ def _read_plan(text: str, scout: ScoutConfig | None) -> Organism:
         numbers = [int(number) if number.isdecimal() else -1 for number in order.split()]
         if sorted(numbers) != list(range(count)) or numbers[0] != 0:
             raise _make_error(text, f"its numbers must be 0 to {count - 1} in any order, 0 first")
-        dockings = [
-            Docking(numbers[each.first], each.first_side, numbers[each.second], each.second_side)
-            for each in dockings
-        ]
+        dockings = [replace(d, first=numbers[d.first], second=numbers[d.second]) for d in dockings]
     dockings.sort(key=lambda docking: docking.first)
     return Organism(count, tuple(dockings), scout or ScoutConfig())
 
 
 def _read_words(words: list[str], text: str) -> list[Docking]:
     """Return the dockings of a plan, whose modules are numbered as listed."""
-    if words == [_ALONE, _BACK] or (len(words) == 2 and words[0][::2] == "S0" and words[1] == _BACK):
-        return []
+    if len(words) == 2 and words[0][::2] == "S0" and words[1] == _BACK:
+        return []  # a module alone
     dockings: list[Docking] = []
     open_modules = [0]
     for place, word in enumerate(words):

@@ -1,8 +1,7 @@
-"""Organisms, which are docked modules: plain data, its rules, and its MuJoCo model."""
+"""Organisms, which are docked modules: plain data, its rules, its MuJoCo model and that model's sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import pi
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ import numpy as np
 
 from reconstruction._src.geometry.pose import PlanarPose
 from symbrion_gym._src.errors import OrganismError
-from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 
 if TYPE_CHECKING:
     import mujoco
@@ -63,13 +62,20 @@ class Organism:
     @property
     def hinges(self) -> tuple[int, ...]:
         """Modules whose hinge works, in order."""
-        return tuple(sorted({module for module, side in _ends(self) if side == "front"}))
+        ends = (end for docking in self.dockings for end in docking.ends)
+        return tuple(sorted({module for module, side in ends if side == "front"}))
 
     @property
     def servos(self) -> tuple[str, ...]:
         """Names of the joints and their actuators: hinges, then rotations of arms where modules have two."""
         kinds = ("hinge", "twist")[: self.scout.dofs]
         return tuple(f"{kind}_{module}" for kind in kinds for module in self.hinges)
+
+    @property
+    def free_sides(self) -> list[tuple[int, str]]:
+        """(module, side) of every side with nothing docked to it: its infrared units see the world."""
+        used = {end for docking in self.dockings for end in docking.ends}
+        return [(i, side) for i in range(self.num_modules) for side in SIDES if (i, side) not in used]
 
     @property
     def parents(self) -> tuple[int, ...]:
@@ -104,7 +110,7 @@ class Organism:
         while len(poses) < self.num_modules:
             before = len(poses)
             for docking in self.dockings:
-                for one, side, other, other_side in _both_ways(docking):
+                for (one, side), (other, other_side) in (docking.ends, docking.ends[::-1]):
                     if one in poses and other not in poses:
                         poses[other] = poses[one].compose(_find_neighbor(side, other_side, self.scout))
             if len(poses) == before:
@@ -210,16 +216,6 @@ def letter_h(spine: int = 3, scout: ScoutConfig | None = None) -> Organism:
     return Organism(spine + 4, tuple(dockings), scout or ScoutConfig())
 
 
-def _ends(organism: Organism) -> Iterator[tuple[int, str]]:
-    for docking in organism.dockings:
-        yield from docking.ends
-
-
-def _both_ways(docking: Docking) -> Iterator[tuple[int, str, int, str]]:
-    yield docking.first, docking.first_side, docking.second, docking.second_side
-    yield docking.second, docking.second_side, docking.first, docking.first_side
-
-
 def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> PlanarPose:
     """Return the pose of the module whose dock `other_side` meets this one's `side`."""
     dock = PlanarPose(*scout.compute_dock(side)).compose(PlanarPose(scout.dock_gap, 0.0, pi))
@@ -228,12 +224,10 @@ def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> PlanarPose
 
 def _check_dockings(organism: Organism) -> None:
     if len(organism.dockings) != organism.num_modules - 1:
-        raise OrganismError(
-            f"{organism.num_modules} modules need {organism.num_modules - 1} dockings to be one tree, "
-            f"got {len(organism.dockings)}"
-        )
+        need = f"{organism.num_modules} modules need {organism.num_modules - 1} dockings to be one tree"
+        raise OrganismError(f"{need}, got {len(organism.dockings)}")
     used: set[tuple[int, str]] = set()
-    for module, side in _ends(organism):
+    for module, side in (end for docking in organism.dockings for end in docking.ends):
         organism.scout.compute_dock(side)
         if not 0 <= module < organism.num_modules:
             raise OrganismError(f"no module {module}; there are 0 to {organism.num_modules - 1}")
@@ -252,18 +246,15 @@ def _check_overlap(organism: Organism) -> None:
     close = np.argwhere(np.triu(distance < organism.scout.size[0] - _ROUNDING, k=1))
     if len(close):
         first, second = close[0]
-        raise OrganismError(
-            f"modules {first} and {second} overlap when the hinges are straight; dock one of them elsewhere"
-        )
+        raise OrganismError(f"modules {first} and {second} overlap with straight hinges; dock one elsewhere")
 
 
 def _find_rigid_groups(organism: Organism) -> dict[Part, RigidGroup]:
     """Return for each part all parts that move with it."""
     from scipy.cluster.hierarchy import DisjointSet
 
-    modules = range(organism.num_modules)
-    groups = DisjointSet([(kind, i) for i in modules for kind in ("chassis", "arm")])
-    for i in set(modules) - set(organism.hinges):
+    groups = DisjointSet([(kind, i) for i in range(organism.num_modules) for kind in ("chassis", "arm")])
+    for i in set(range(organism.num_modules)) - set(organism.hinges):
         groups.merge(("chassis", i), ("arm", i))
     for docking in organism.dockings:
         groups.merge(*(("arm" if side == "front" else "chassis", module) for module, side in docking.ends))
@@ -289,3 +280,37 @@ def _sort_key(part: Part) -> tuple[bool, int]:
 def _name_group(group: RigidGroup) -> str:
     kind, module = min(group, key=_sort_key)
     return f"{kind}_{module}"
+
+
+MEASURED = ("acceleration", "ir", "contact", "dock_force", "laser")
+"""Parts of the observation that MuJoCo's own sensors measure."""
+
+
+def add_sensors(spec: mujoco.MjSpec, organism: Organism, parts: tuple[str, ...], interval: float) -> None:
+    """Add MuJoCo's sensors for the wanted parts of the observation, part by part in their order.
+
+    Each stands at a site of its name and clips at its largest reading. Rays measure a distance along the z axis of
+    their site [m], -1 where nothing is hit, every `interval`.
+    """
+    import mujoco
+
+    modules, scout, kinds = range(organism.num_modules), organism.scout, mujoco.mjtSensor
+    ray = {"type": kinds.mjSENS_RANGEFINDER, "nsample": 1, "interval": [interval, 0.0], "intprm": [1, 0, 0]}
+    sites = {
+        "acceleration": [f"module_{i}_accel_{place}" for i in modules for place in ("front", "rear")],
+        "ir": [f"module_{i}_ir_{side}_{k}" for i, side in organism.free_sides for k in range(2)],
+        "contact": [f"module_{i}_touch" for i in modules],
+        "dock_force": [f"module_{i}" for i in organism.hinges],
+        "laser": [f"module_0_laser_{k}" for k in range(scout.laser_beams)],
+    }
+    options = {
+        "acceleration": {"type": kinds.mjSENS_ACCELEROMETER, "cutoff": scout.acceleration_range},
+        "ir": ray,
+        "contact": {"type": kinds.mjSENS_TOUCH, "cutoff": scout.contact_range},
+        "dock_force": {"type": kinds.mjSENS_FORCE},
+        "laser": ray,
+    }
+    for part in parts:
+        for site in sites.get(part, ()):
+            name = site.replace("module", part) if part == "dock_force" else site
+            spec.add_sensor(name=name, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site, **options[part])

@@ -1,12 +1,12 @@
-"""The numbers behind a Scout module, each with its source."""
+"""The numbers behind a Scout module, each with its source, and the parts of its observation."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import pi
 
 from reconstruction._src.base.range_checks import check_counts, check_not_negative, check_positive
-from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.errors import OptionError, OrganismError
 
 TRACK_MODELS = ("spheres", "wheels", "cylinders", "capsules")
 CYLINDER_TRACKS = ("cylinders", "capsules")  # Tracks with the places and the radius of the authors' cylinders
@@ -113,7 +113,7 @@ class ScoutConfig:
         check_counts(self, ("laser_beams",), OrganismError)
         if isinstance(self.dofs, bool) or self.dofs not in (1, 2):
             raise OrganismError(
-                f"dofs must be 1 (the hinge) or 2 (and the rotation of the arm), got {self.dofs!r}"
+                f"dofs must be 1 (the hinge) or 2 (and the arm's rotation), got {self.dofs!r}"
             )
         if self.tracks not in TRACK_MODELS:
             raise OrganismError(f"no tracks {self.tracks!r}; there are: {', '.join(TRACK_MODELS)}")
@@ -138,3 +138,33 @@ class ScoutConfig:
         if side not in places:
             raise OrganismError(f"no dock {side!r}; there are: {', '.join(SIDES)}")
         return places[side]
+
+
+SENSORS = (
+    *("hinge_angle", "hinge_rate", "pitch", "roll", "acceleration", "ir", "contact", "previous_action"),
+    *("hinge_target", "dock_force", "odometry", "track_odometry", "laser", "goal", "goal_direction"),
+)
+"""The names of the parts of an observation."""
+DEFAULT_SENSORS = SENSORS[:8]
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Standard deviation of each part of an observation at noise level 1; the parts not listed have none.
+
+    All are estimates for the real robot: none was measured on it.
+    """
+
+    hinge_angle: float = 0.005  # [rad]
+    hinge_rate: float = 0.05  # [rad/s]
+    pitch: float = 0.01  # [rad]
+    roll: float = 0.01  # [rad]
+    acceleration: float = 0.3  # [m/s²]
+    ir: float = 0.003  # of a distance [m]
+    contact: float = 0.5  # of a force [N]
+    odometry: float = 0.01  # [m]; the paper's robot was localized within 1 cm
+    track_odometry: float = 0.01  # of each reading [m]; slip comes from the physics
+    laser: float = 0.006  # of a distance [m]
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, [each.name for each in fields(self)], OptionError)

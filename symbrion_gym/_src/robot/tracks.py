@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
-from scipy.optimize import least_squares
 
 from reconstruction._src.geometry.pose import PlanarPose, make_quarter_turn
 from symbrion_gym._src.robot.scout_constants import CONTACT_GROUP, CYLINDER_TRACKS, ScoutConfig
@@ -40,18 +38,13 @@ def find_road_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
 def compute_surface_velocity(config: ScoutConfig, speed: float) -> tuple[float, ...]:
     """Return the surface velocity of a road wheel that drives forward: linear [m/s], then angular [rad/s].
 
-    It turns about its own y axis.
-
-    At the ground the surface runs backwards, at a wall ahead it runs down, as the belt round a wheel does.
+    It turns about its own y axis: at the ground the surface runs backwards, at a wall ahead it runs down.
     """
     return (0.0, 0.0, 0.0, 0.0, speed / config.track_radius, 0.0)
 
 
 def find_driven_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
-    """Return the centers of what drives, in the frame of the module, the left side before the right [m].
-
-    "spheres" and "wheels" have the same places; "cylinders" and "capsules" are the authors' six a side [S].
-    """
+    """Return the centers of what drives, in the frame of the module, the left side before the right [m]."""
     if config.tracks not in CYLINDER_TRACKS:
         return find_road_wheels(config)
     places = [(x / 1000.0, z / 1000.0) for x, z in _CYLINDER_PLACES]
@@ -71,16 +64,7 @@ def add_tracks(
     pose: PlanarPose,
     config: ScoutConfig,
 ) -> None:
-    """Add both tracks of a module, as the constants say.
-
-    Args:
-        spec: the model under construction.
-        frame: frame of the module, in its body.
-        body: what carries the module.
-        prefix: put before every name.
-        pose: pose of the module in the frame of the body.
-        config: constants.
-    """
+    """Add both tracks of a module at a pose in a body; `frame` is that of the module."""
     if config.tracks != "spheres":
         _add_wheels(spec, body, prefix, pose, config)
         return
@@ -97,31 +81,21 @@ def _add_wheels(
 
     Wheels touch everything but other wheels, as those of a side overlap.
     """
-    radius = compute_wheel_radius(config)
+    kind, size = _WHEEL_SHAPES[config.tracks], [compute_wheel_radius(config), _CYLINDER_HALF_WIDTH]
     for i, (x, y, z) in enumerate(find_driven_wheels(config)):
-        place = pose.compose(PlanarPose(x, y))
-        wheel = body.add_body(name=f"{prefix}wheel_{i}", pos=[place.x, place.y, z], quat=pose.quaternion)
+        name, place = f"{prefix}wheel_{i}", pose.compose(PlanarPose(x, y))
+        wheel = body.add_body(name=name, pos=[place.x, place.y, z], quat=pose.quaternion)
         wheel.add_joint(
-            name=f"{prefix}wheel_{i}",
+            name=name,
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=[0, 1, 0],
             armature=config.wheel_armature,
             limited=mujoco.mjtLimited.mjLIMITED_FALSE,
         )
-        geom = add_contact(
-            wheel.add_frame(),
-            wheel,
-            f"{prefix}track_{i}",
-            _WHEEL_SHAPES[config.tracks],
-            [radius, _CYLINDER_HALF_WIDTH],
-            config,
-            mass=config.wheel_mass,
-        )
-        geom.quat = make_quarter_turn(x=1.0)
-        geom.conaffinity = 0
-        servo = spec.add_actuator(
-            name=f"{prefix}wheel_{i}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"{prefix}wheel_{i}"
-        )
+        track, mass = f"{prefix}track_{i}", config.wheel_mass
+        geom = add_contact(wheel.add_frame(), wheel, track, kind, size, config, mass=mass)
+        geom.quat, geom.conaffinity = make_quarter_turn(x=1.0), 0
+        servo = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
         servo.set_to_velocity(kv=config.wheel_gain)
 
 
@@ -159,50 +133,3 @@ def add_contact(
     )
     geom.set_frame(frame)
     return geom
-
-
-_LEAST_SLIP = 1e-5  # Slip below which friction grows in proportion to it [m/s]: keeps the balance smooth
-
-
-def compute_turning_rate(
-    left: float, right: float, stations: Float[np.ndarray, " S"], gauge: float, width: float
-) -> float:
-    """Return the rate at which a robot on two tracks turns to the left, on level ground under an even load [rad/s].
-
-    Without slip it would be (right - left) / gauge; but where a robot turns, its belts slip sideways.
-    """
-    return compute_skid_motion(left, right, stations, gauge, width)[2]
-
-
-def compute_skid_motion(
-    left: float,
-    right: float,
-    stations: Float[np.ndarray, " S"],
-    gauge: float,
-    width: float,
-    loads: Float[np.ndarray, " S"] | None = None,
-) -> tuple[float, float, float]:
-    """Return how a robot on two tracks moves on level ground: ahead [m/s], left [m/s], turn to the left [rad/s].
-
-    At rest in its own motion the forces of friction, each in proportion to its load and against the slip of its place,
-    have no sum and no moment. Neither the sum of the loads nor the friction is in the result.
-
-    References:
-        Wong and Chiang (2001), A general theory for skid steering of tracked vehicles on firm ground,
-        Proc. IMechE D 215, with isotropic Coulomb friction and no centrifugal force.
-    """
-    edges = np.array([gauge - width, gauge + width, width - gauge, -gauge - width]) / 2
-    x, y = (grid.ravel() for grid in np.meshgrid(stations, edges, indexing="ij"))
-    load = np.ones(len(x)) if loads is None else np.repeat(loads, len(edges)) / np.mean(loads)
-    belt = np.where(y > 0, left, right)
-    scale = max(abs(left), abs(right), _LEAST_SLIP)
-
-    def sum_forces(motion: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
-        ahead, aside, turn = motion[0] * scale, motion[1] * scale, motion[2] * scale / gauge
-        slip = np.stack([ahead - turn * y - belt, aside + turn * x])
-        force = load * slip / np.hypot(np.linalg.norm(slip, axis=0), _LEAST_SLIP)
-        return np.array([force[0].sum(), force[1].sum(), (x * force[1] - y * force[0]).sum() / gauge])
-
-    guess = np.array([(left + right) / 2, 0.0, right - left]) / scale
-    ahead, aside, turn = least_squares(sum_forces, guess, xtol=1e-12, ftol=1e-12).x * scale
-    return float(ahead), float(aside), float(turn) / gauge

@@ -1,11 +1,13 @@
-"""A robot drives lanes over an arena and logs the slip of its tracks; the physics is MuJoCo's, of the arena as it is.
+"""Docked Scouts drive lanes over an arena and log the slip of their tracks; the physics is MuJoCo's.
 
-It drives backwards: the module that feels the ground goes first, so that it is on ice while the others still hold.
+They drive backwards: the last module feels the ground, dragging its tracks in turn to either side. It goes first, so
+that it is on ice while the others still hold.
 """
 
 from __future__ import annotations
 
-import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
@@ -13,18 +15,29 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from reconstruction._src.geometry.pose import make_quaternion
 from reconstruction._src.scans.slip_readings import SlipReadings
 from symbrion_gym._src.errors import SurveyError
-from symbrion_gym._src.robot.organism import snake
-from symbrion_gym._src.robot.organism_sensors import add_sensors
+from symbrion_gym._src.robot.organism import add_sensors, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.robot.tracks import find_road_wheels
-from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipSensors, Tick
 
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
 
+_MODULES = 3  # Length of the snake; two pull, so that one that drags does not stop them on level ground
+_SPEED = 0.12  # Of the tracks [m/s] (estimates of the Scout's: 0.06 to 0.15)
+_DRAG_SPEED = 0.24
+"""How much slower, and in turn faster, the tracks of the last module run in a drag [m/s]: tracks hold with all that
+friction gives from a slip of some 0.1 m/s."""
+_CRUISE, _DRAG = 0.5, 0.5  # Time from one drag to the next, and length of a drag [s]
+_SPACING = 0.4  # Distance of the lanes, along the longer side of the arena [m]
+_MARGIN = 0.15  # Of the lanes from the rim, and of their ends from steps [m]
+_HIGHEST_STEP = 0.01  # A lane ends where the ground changes by more within a centimeter [m]
+_LEAST_RUN = 0.8  # Stretches of a lane that are shorter are left out [m]
+_PATIENCE = 12.0  # A drive that gets nowhere for this long ends [s]
+_TICK = 0.02  # From one reading to the next [s]
 _TIMESTEP = 0.0025  # [s]
 _BELT_LAG = 0.01  # Time in which tracks follow their command [s] (estimate)
 _SETTLING = 0.4  # Standing still at the start of a lane [s]
@@ -37,6 +50,39 @@ _MOST_TURN = 0.4  # Largest difference of the sides, as a share of the speed
 _ADVANCE = 0.02  # What counts as getting somewhere [m]
 
 
+@dataclass(frozen=True)
+class SlipNoise:
+    """Errors of the sensors (standard deviations); estimates, none was measured on the robot.
+
+    Attributes:
+        force: of the force in the dock, a tick [N].
+        force_bias: its offset along each axis, drawn once a survey [N].
+        force_gain: its relative error, drawn once a survey: a strain gauge calibrated with weights.
+        mass: relative error of the mass that the robot is told, drawn once a survey.
+        acceleration: of the accelerometers, a tick [m/s²].
+        acceleration_bias: their offset, drawn once a survey [m/s²].
+        position: of the localization, a tick [m].
+        drift: of the localization, slow: it is lost within `drift_time` [m].
+        drift_time: how long an error of the localization lasts [s].
+        angle: of heading and pitch [rad].
+    """
+
+    force: float = 0.25
+    force_bias: float = 0.1
+    force_gain: float = 0.01
+    mass: float = 0.005
+    acceleration: float = 0.15
+    acceleration_bias: float = 0.1
+    position: float = 0.003
+    drift: float = 0.005
+    drift_time: float = 10.0
+    angle: float = float(np.radians(0.3))
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, list(vars(self)), SurveyError)
+        check_positive(self, ("drift_time",), SurveyError)
+
+
 class Lane(NamedTuple):
     """A straight stretch of ground: where the robot starts, and where it is to arrive (x, y) [m]."""
 
@@ -45,80 +91,110 @@ class Lane(NamedTuple):
 
 
 def drive_lanes(
-    arena: Arena,
-    robot: FrictionRobot,
-    rng: np.random.Generator,
-    progress: Progress = silent,
-    lanes: list[Lane] | None = None,
+    arena: Arena, noise: SlipNoise, rng: np.random.Generator, progress: Progress = silent
 ) -> SlipReadings:
     """Drive every lane in both directions and return what the last module reads.
 
     Friction is alike in all directions here (an elliptic cone).
     """
-    lanes = find_lanes(arena, robot) if lanes is None else lanes
-    simulation = _Simulation(arena, robot)
-    sensors = SlipSensors(robot.noise, simulation.mass, rng)
-    parts = []
+    lanes, simulation = find_lanes(arena), _Simulation(arena)
+    sensors, parts = SlipSensors(noise, simulation.mass, rng), []
     for number, lane in enumerate(lanes):
         progress("feeling the ground", number / len(lanes))
         parts += simulation.drive(lane, number, sensors)
     return sensors.collect(parts)
 
 
-def find_friction_robot(
-    friction: bool | FrictionRobot, arena: object
-) -> tuple[FrictionRobot | None, Arena | None]:
-    """Return the robot that feels the ground, and the ground; None for both where it is not to be felt."""
-    from symbrion_gym._src.arenas.arena import Arena
-    from symbrion_gym._src.arenas.loading import load_arena
-    from symbrion_gym._src.assets import NAMED_ARENAS
-
-    if friction is False:
-        return None, None
-    robot = FrictionRobot() if friction is True else friction
-    if isinstance(arena, str | os.PathLike) and (str(arena) in NAMED_ARENAS or os.path.isdir(arena)):
-        arena = load_arena(str(arena))
-    if not isinstance(arena, Arena):
-        raise SurveyError(
-            "friction is felt on an Arena, a named arena or its folder; a mesh has none: make_arena(mesh, friction=...)"
-        )
-    return robot, arena
-
-
-def find_lanes(arena: Arena, robot: FrictionRobot) -> list[Lane]:
+def find_lanes(arena: Arena) -> list[Lane]:
     """Return the stretches without steps along the longer side of an arena, in both directions."""
     low, high = np.asarray(arena.surface.bounds, dtype=np.float64)[:, :2]
     along = int(np.argmax(high - low))
     length, width = (high - low)[along], (high - low)[1 - along]
-    count = max(1, int((width - 2 * robot.margin) / robot.spacing) + 1)
-    across = (low + high)[1 - along] / 2 + robot.spacing * (np.arange(count) - (count - 1) / 2)
+    count = max(1, int((width - 2 * _MARGIN) / _SPACING) + 1)
+    across = (low + high)[1 - along] / 2 + _SPACING * (np.arange(count) - (count - 1) / 2)
     steps = np.arange(low[along] + _SAMPLE / 2, low[along] + length, _SAMPLE)
     lanes = []
     for offset in across:
         places = np.full((len(steps), 2), offset)
         places[:, along] = steps
         heights = arena.height(*places.T)
-        is_step = ~(np.abs(np.diff(heights)) <= robot.highest_step)
+        is_step = ~(np.abs(np.diff(heights)) <= _HIGHEST_STEP)
         for part in np.split(np.arange(len(steps)), np.flatnonzero(is_step) + 1):
             ends = places[part[[0, -1]]]
-            if np.isfinite(heights[part]).all() and len(part) * _SAMPLE >= robot.least_run:
-                lanes += _shorten(ends, robot.margin)
+            if np.isfinite(heights[part]).all() and len(part) * _SAMPLE >= _LEAST_RUN:
+                ahead = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+                near, far = ends[0] + _MARGIN * ahead, ends[1] - _MARGIN * ahead
+                lanes += [Lane(near, far), Lane(far, near)]
     return lanes
 
 
-def _shorten(ends: Float[np.ndarray, "2 2"], margin: float) -> list[Lane]:
-    ahead = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-    near, far = ends[0] + margin * ahead, ends[1] - margin * ahead
-    return [Lane(near, far), Lane(far, near)]
+class Tick(NamedTuple):
+    """One row of `SlipReadings`, exact or as read."""
+
+    time: float
+    run: int
+    position: Float[np.ndarray, " 3"]
+    heading: float
+    pitch: float
+    commanded: float
+    acceleration: Float[np.ndarray, " 3"]
+    force: Float[np.ndarray, " 3"]
+
+
+class SlipSensors:
+    """The sensors of one survey, at a module whose true mass is given [kg]."""
+
+    def __init__(self, noise: SlipNoise, mass: float, rng: np.random.Generator) -> None:
+        self._noise, self._rng = noise, rng
+        self._gain = 1.0 + noise.force_gain * rng.standard_normal()
+        self._mass = mass * (1.0 + noise.mass * rng.standard_normal())
+        self._force_bias = noise.force_bias * rng.standard_normal(3)
+        self._acceleration_bias = noise.acceleration_bias * rng.standard_normal(3)
+        self._drift, self._last = np.zeros(3), 0.0
+
+    def begin(self) -> None:
+        """Begin a run: the localization begins with an error of its own."""
+        self._drift, self._last = self._noise.drift * self._rng.standard_normal(3), 0.0
+
+    def read(self, exact: Tick) -> Tick:
+        """Return a tick as it is read."""
+        noise, draw = self._noise, self._rng.standard_normal
+        memory = float(np.exp(-(exact.time - self._last) / noise.drift_time))
+        self._drift = memory * self._drift + noise.drift * np.sqrt(1 - memory**2) * draw(3)
+        self._last = exact.time
+        return exact._replace(
+            position=exact.position + self._drift + noise.position * draw(3),
+            heading=exact.heading + noise.angle * draw(),
+            pitch=exact.pitch + noise.angle * draw(),
+            acceleration=exact.acceleration + self._acceleration_bias + noise.acceleration * draw(3),
+            force=self._gain * exact.force + self._force_bias + noise.force * draw(3),
+        )
+
+    def collect(self, ticks: Sequence[Tick]) -> SlipReadings:
+        """Return the ticks of all runs."""
+        columns = zip(*ticks, strict=True) if ticks else [()] * len(Tick._fields)
+        times, runs, positions, headings, pitches, commanded, accelerations, forces = map(np.array, columns)
+        vectors = (each.reshape(-1, 3) for each in (positions, accelerations, forces))
+        positions, accelerations, forces = vectors
+        scalars = (headings, pitches, commanded)
+        return SlipReadings(times, runs, positions, *scalars, accelerations, forces, self._mass)
+
+
+def _find_offset(time: float) -> float:
+    """Return how much faster the tracks of the last module run than the others, at a time [m/s]."""
+    number, phase = divmod(time, _CRUISE + _DRAG)
+    if phase < _CRUISE:
+        return 0.0
+    return _DRAG_SPEED * (-1.0 if int(number) % 2 == 0 else 1.0)
 
 
 class _Simulation:
     """A snake in an arena."""
 
-    def __init__(self, arena: Arena, robot: FrictionRobot) -> None:
-        self.arena, self.robot = arena, robot
-        scout = ScoutConfig(track_speed=robot.speed, friction=arena.friction)
-        organism, spec = snake(robot.modules, scout), arena.spec()
+    def __init__(self, arena: Arena) -> None:
+        self.arena = arena
+        scout = ScoutConfig(track_speed=_SPEED, friction=arena.friction)
+        organism, spec = snake(_MODULES, scout), arena.spec()
         organism.add_to(spec, spec.worldbody)
         add_sensors(spec, organism, ("acceleration", "dock_force"), 0.0)
         option = spec.option
@@ -126,8 +202,8 @@ class _Simulation:
         option.cone, option.jacobian = mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtJacobian.mjJAC_DENSE
         self.model = model = spec.compile()
         self.data = mujoco.MjData(model)
-        self.body_length = (robot.modules - 1) * scout.pitch
-        last = robot.modules - 1
+        last = _MODULES - 1
+        self.body_length = last * scout.pitch
         self._radius, self._height = scout.track_radius, scout.size[2] / 2
         wheels = range(len(find_road_wheels(scout)))
         self._tracks = np.array(
@@ -148,11 +224,11 @@ class _Simulation:
         ticks, farthest, since, time = [], 0.0, 0.0, 0.0
         turn = 0.0
         sensors.begin()
-        while time - since < self.robot.patience and farthest < length:
-            offset = self.robot.find_offset(time)
-            specific, pull = self._advance(offset, turn)
-            time += self.robot.tick
-            tick = sensors.read(self._find_tick(time, run, offset, specific, pull))
+        while time - since < _PATIENCE and farthest < length:
+            offset = _find_offset(time)
+            specific, pull = self._advance(-_SPEED, offset, turn)
+            time += _TICK
+            tick = sensors.read(self._find_tick(time, run, offset - _SPEED, specific, pull))
             ticks.append(tick)
             away = tick.position[:2] - lane.start
             bend = float(np.sin(tick.heading + np.pi - course))
@@ -171,14 +247,13 @@ class _Simulation:
         yaw, pitch = np.arctan2(*-direction[::-1]), np.arctan2(heights[0] - heights[1], self.body_length)
         self.data.qpos[:3] = [*place, max(heights) + self._height + _CLEARANCE]
         self.data.qpos[3:7] = make_quaternion(yaw, pitch)
-        for _ in range(round(_SETTLING / self.robot.tick)):
-            self._advance(0.0, 0.0, speed=0.0)
+        for _ in range(round(_SETTLING / _TICK)):
+            self._advance(0.0, 0.0, 0.0)
 
     def _advance(
-        self, offset: float, turn: float, speed: float | None = None
+        self, speed: float, offset: float, turn: float
     ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
         """Simulate a tick; return the mean readings of accelerometers [m/s²] and dock [N]."""
-        speed = -self.robot.speed if speed is None else speed
         limit = _MOST_TURN * abs(speed)
         side = float(np.clip(turn * _TRACK_ARM, -limit, limit))
         wanted = np.full(self._tracks.shape, speed)
@@ -186,7 +261,7 @@ class _Simulation:
         wanted[:-1, :half] -= side
         wanted[:-1, half:] += side
         wanted[-1] += offset
-        total, count = np.zeros(6), round(self.robot.tick / _TIMESTEP)
+        total, count = np.zeros(6), round(_TICK / _TIMESTEP)
         velocity = self.model.geom_surfacevel
         for _ in range(count):
             now = velocity[self._tracks, 4] * self._radius
@@ -200,21 +275,14 @@ class _Simulation:
         self,
         time: float,
         run: int,
-        offset: float,
+        commanded: float,
         specific: Float[np.ndarray, " 3"],
         pull: Float[np.ndarray, " 3"],
     ) -> Tick:
         ahead = self.data.site_xmat[self._site].reshape(3, 3)[:, 0]
-        return Tick(
-            time,
-            run,
-            self.data.site_xpos[self._site].copy(),
-            float(np.arctan2(ahead[1], ahead[0])),
-            float(np.arcsin(np.clip(ahead[2], -1.0, 1.0))),
-            offset - self.robot.speed,
-            specific,
-            pull,
-        )
+        heading, pitch = float(np.arctan2(ahead[1], ahead[0])), float(np.arcsin(np.clip(ahead[2], -1.0, 1.0)))
+        position = self.data.site_xpos[self._site].copy()
+        return Tick(time, run, position, heading, pitch, commanded, specific, pull)
 
     def _has_fallen(self) -> bool:
         x, y, z = self.data.site_xpos[self._site]

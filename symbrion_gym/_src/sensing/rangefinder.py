@@ -1,22 +1,24 @@
-"""Laser scans and infrared readings in a running simulation, by casting rays on exact surfaces."""
+"""Range finders and cameras at a site of a running simulation, by casting rays on exact surfaces."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, UInt8
 from numpy.typing import ArrayLike
 
+from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP
+from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.errors import SurveyError
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
+from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, expose, round_to_pixels
 
-_STEP_BEYOND = 1e-6  # How far behind an excluded geom a ray goes on [m]
-_MAX_LAYERS = 32
-"""A ray that meets more excluded geoms than this hits nothing: an organism has fewer along any line."""
-_INFRARED_NOISE = 0.002  # Standard deviation of an infrared unit's distance [m] (estimate)
+if TYPE_CHECKING:
+    from symbrion_gym._src.arenas.arena import Arena
 
 
 class RangeFinder:
@@ -24,13 +26,12 @@ class RangeFinder:
 
     Its beams lie in the site's x-y plane, beam angle 0 along x, unless other directions are given. Rays see
     every geom but those of group 3 (an arena's contact pieces, which are not where the surface is) and those of the
-    excluded bodies. One
-    `mj_multiRay` casts a scan; where beams meet an excluded body first, those beams are cast once more from
-    behind it. With a generator the reading has the scanner's errors, the same as in a survey
-    (`LaserScanner`), and needs a second cast for the rims of the light spots.
+    excluded bodies, in the shape that the model had when the finder was made. With a generator the reading has the
+    scanner's errors, the same as in a survey (`LaserScanner`), and needs a second cast for the rims of the light spots.
 
     Attributes:
         scanner: beams, range and errors.
+        site: id of the site.
         directions: `[R, 3]` unit vectors of the beams at the site.
     """
 
@@ -58,19 +59,18 @@ class RangeFinder:
             SurveyError: there is no such site or body, a direction has no length, or a group
                 holds contact shapes.
         """
-        self._model = model
-        self._site = _find_id(model, mujoco.mjtObj.mjOBJ_SITE, site)
+        if CONTACT_GROUP in set(groups):
+            raise SurveyError(f"geom group {CONTACT_GROUP} holds contact shapes, which are not the surface")
+        self.site = _find_id(model, mujoco.mjtObj.mjOBJ_SITE, site)
         self.scanner = scanner or LaserScanner()
         self.directions = self._find_directions(directions)
-        bodies = [int(model.site_bodyid[self._site])]
+        bodies = [int(model.site_bodyid[self.site])]
         if exclude is not None:
             bodies = [_find_id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in exclude]
         bodies = [body for body in bodies if body > 0]  # the world is the body of no site that moves
-        self._is_excluded = np.isin(model.geom_bodyid, bodies)
-        self._first_body = bodies[0] if len(bodies) else -1
+        self._model = copy(model)  # in which what is excluded is in a group that is not seen
+        self._model.geom_group[np.isin(model.geom_bodyid, bodies)] = CONTACT_GROUP
         self._groups = np.isin(np.arange(mujoco.mjNGROUP), list(groups)).astype(np.uint8)
-        if CONTACT_GROUP in set(groups):
-            raise SurveyError(f"geom group {CONTACT_GROUP} holds contact shapes, which are not the surface")
 
     @property
     def num_beams(self) -> int:
@@ -84,13 +84,21 @@ class RangeFinder:
             data: a state whose positions are computed (`mj_forward`, or any step).
             rng: source of the errors; None: exact.
         """
-        pose = self._pose(data)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = data.site_xmat[self.site].reshape(3, 3), data.site_xpos[self.site]
 
         def cast(origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-            return self._cast(data, origin, directions)
+            count, flat = len(directions), np.ascontiguousarray(directions).ravel()
+            distances, geoms = np.empty(count), np.empty(count, np.int32)
+            place, limits = np.ascontiguousarray(origin), (None, count, mujoco.mjMAXVAL)
+            mujoco.mj_multiRay(
+                self._model, data, place, flat, self._groups, True, -1, geoms, distances, *limits
+            )
+            distances[geoms < 0] = np.inf
+            return distances
 
         if rng is not None:
-            return self.scanner.measure(cast, pose, self.directions, rng)[0]
+            return self.scanner.scan(cast, pose, rng, self.directions)[0]
         ranges = cast(pose[:3, 3], self.directions @ pose[:3, :3].T)
         return np.where(ranges <= self.scanner.max_range, ranges, np.nan)
 
@@ -103,60 +111,124 @@ class RangeFinder:
             raise SurveyError(f"directions must be [R, 3] vectors with a length, got shape {array.shape}")
         return array / length
 
-    def _pose(self, data: mujoco.MjData) -> Float[np.ndarray, "4 4"]:
-        """Return the pose of the site, site -> world."""
-        pose = np.eye(4)
-        pose[:3, :3] = data.site_xmat[self._site].reshape(3, 3)
-        pose[:3, 3] = data.site_xpos[self._site]
-        return pose
-
-    def _cast(
-        self, data: mujoco.MjData, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
-    ) -> Float[np.ndarray, " R"]:
-        """Return distances to the first geom that is not excluded, inf where there is none."""
-        distances, geoms = self._cast_once(data, origin, directions)
-        for ray in np.flatnonzero((geoms >= 0) & self._is_excluded[geoms]):
-            distances[ray], geoms[ray] = self._go_on(data, origin, directions[ray], distances[ray])
-        distances[geoms < 0] = np.inf
-        return distances
-
-    def _cast_once(
-        self, data: mujoco.MjData, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
-    ) -> tuple[Float[np.ndarray, " R"], Int[np.ndarray, " R"]]:
-        """Return distances to the first geom and its id; -1 where there is none."""
-        count = len(directions)
-        distances, geoms = np.empty(count), np.empty(count, np.int32)
-        mujoco.mj_multiRay(
-            self._model, data, np.ascontiguousarray(origin), np.ascontiguousarray(directions).ravel(),
-            self._groups, True, self._first_body, geoms, distances, None, count, mujoco.mjMAXVAL,
-        )  # fmt: skip
-        return distances, geoms
-
-    def _go_on(
-        self,
-        data: mujoco.MjData,
-        origin: Float[np.ndarray, " 3"],
-        direction: Float[np.ndarray, " 3"],
-        distance: float | Float[np.ndarray, ""],
-    ) -> tuple[float, int]:
-        """Follow a ray through excluded geoms; return the distance and what is hit at last, -1: nothing."""
-        for _ in range(_MAX_LAYERS):
-            distance += _STEP_BEYOND
-            further, geoms = self._cast_once(data, origin + distance * direction, direction[None])
-            if geoms[0] < 0:
-                return np.inf, -1
-            distance += float(further[0])
-            if not self._is_excluded[geoms[0]]:
-                return float(distance), int(geoms[0])
-        return np.inf, -1
-
 
 def _find_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str | int) -> int:
     """Return the id of a name, or a checked id."""
-    count = model.nsite if kind == mujoco.mjtObj.mjOBJ_SITE else model.nbody
-    what = "site" if kind == mujoco.mjtObj.mjOBJ_SITE else "body"
+    is_site = kind == mujoco.mjtObj.mjOBJ_SITE
+    count, what = (model.nsite, "site") if is_site else (model.nbody, "body")
     found = mujoco.mj_name2id(model, kind, name) if isinstance(name, str) else int(name)
     if not 0 <= found < count:
         names = [mujoco.mj_id2name(model, kind, i) or str(i) for i in range(count)]
         raise SurveyError(f"the model has no {what} {name!r}; there are: {', '.join(names) or 'none'}")
     return found
+
+
+_FARTHEST = 50.0  # What is farther is not seen [m]
+_ON_SURFACE = 0.01  # What is farther from the arena's surface is another body [m]
+_BODY, _SKY = 0.4, 0.0  # Gray of other bodies, and of what is not there
+_AXES = {"x": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "z": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]}
+"""Axis that the camera looks along -> ahead, left and up, in the frame of the site."""
+
+
+class Camera:
+    """A camera at a site: what it would see there now.
+
+    It sees the colors of the arena; other bodies are gray.
+
+    Attributes:
+        config: exposure and noise, and the angle of a pixel for `color_readings`.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        site: str | int,
+        arena: Arena,
+        config: CameraConfig | None = None,
+        *,
+        axis: str = "x",
+        exclude: Iterable[str] | None = None,
+    ) -> None:
+        """Bind names to the model.
+
+        Args:
+            model: the compiled model, with the arena in it.
+            site: name or id of the site.
+            arena: whose surface has colors.
+            config: None for the defaults; its `offset` is not used.
+            axis: of the site that the camera looks along: "x", or "z" as for the sites of a Scout's laser.
+            exclude: names of the bodies that are not seen. Default: that of the site.
+
+        Raises:
+            SurveyError: no such site, body or axis, or the arena has no colors.
+        """
+        check_choice("axis", axis, tuple(_AXES), SurveyError)
+        if arena.texture is None:
+            raise SurveyError(
+                f"camera: the arena {arena.name!r} has no colors; give it some by sg.color_arena"
+            )
+        self.config = config or CameraConfig()
+        self._arena, self._frame = arena, np.array(_AXES[axis], dtype=np.float64)
+        self._finder = RangeFinder(model, site, LaserScanner(max_range=_FARTHEST), exclude=exclude)
+
+    def look(
+        self,
+        data: mujoco.MjData,
+        rng: np.random.Generator | None = None,
+        *,
+        width: int = 160,
+        height: int = 120,
+        fovy: float = np.radians(60.0),
+    ) -> UInt8[np.ndarray, "{height} {width} 3"]:
+        """Return a picture without distortion, the first row the upper one.
+
+        Args:
+            data: a state whose positions are computed.
+            rng: source of exposure and noise; None: without errors.
+            width: pixels.
+            height: pixels.
+            fovy: angle from the lowest to the highest pixel [rad].
+        """
+        if width < 1 or height < 1 or not 0 < fovy < np.pi:
+            raise SurveyError(
+                f"camera: width, height and fovy must be above 0, fovy below pi, got {width}, {height}, {fovy}"
+            )
+        step = 2 * np.tan(fovy / 2) / height
+        left = (width / 2 - 0.5 - np.arange(width)) * step
+        up = (height / 2 - 0.5 - np.arange(height)) * step
+        grid = np.stack(np.broadcast_arrays(1.0, left[None, :], up[:, None]), axis=-1).reshape(-1, 3)
+        colors = self._see(data, grid / np.linalg.norm(grid, axis=1, keepdims=True))
+        return expose(colors, self.config, rng).reshape(height, width, 3)
+
+    def color_readings(
+        self,
+        data: mujoco.MjData,
+        positions: Float[np.ndarray, "N 3"],
+        rng: np.random.Generator | None = None,
+    ) -> UInt8[np.ndarray, "N 3"]:
+        """Return the colors of the pixels that readings fall on, 0 to 255.
+
+        Args:
+            data: a state whose positions are computed.
+            positions: of the readings in the world, as a range finder measured them [m].
+            rng: source of exposure and noise; None: without errors.
+        """
+        rotation = data.site_xmat[self._finder.site].reshape(3, 3) @ self._frame.T
+        ways = (np.asarray(positions, dtype=np.float64) - data.site_xpos[self._finder.site]) @ rotation
+        return expose(self._see(data, round_to_pixels(ways, self.config.pixel)), self.config, rng)
+
+    def _see(self, data: mujoco.MjData, directions: Float[np.ndarray, "R 3"]) -> Float[np.ndarray, "R 3"]:
+        """Return the colors (0 to 1) of what is in directions: ahead, left, up."""
+        finder = self._finder
+        finder.directions = directions @ self._frame
+        ranges = finder.read(data)
+        rotation = data.site_xmat[finder.site].reshape(3, 3)
+        is_hit = np.isfinite(ranges)
+        places = data.site_xpos[finder.site] + ranges[is_hit, None] * (finder.directions[is_hit] @ rotation.T)
+        colors = np.full((len(directions), 3), _SKY)
+        if is_hit.any():
+            surface = self._arena.surface
+            distance, _, _ = find_nearest(places, np.asarray(surface.vertices), np.asarray(surface.faces))
+            is_body = distance > _ON_SURFACE
+            colors[is_hit] = np.where(is_body[:, None], _BODY, self._arena.find_colors(places))
+        return colors

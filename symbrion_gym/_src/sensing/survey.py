@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.extras import require_extras
@@ -18,18 +16,20 @@ from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.pose import make_pose
 from reconstruction._src.scans.localization import localize
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.making import load_arena
+from symbrion_gym._src.arenas.surface_file import load_surface
+from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import ArenaError, SurveyError
-from symbrion_gym._src.sensing.camera import CameraConfig, color_readings, take_arena, take_course
-from symbrion_gym._src.sensing.friction_drive import drive_lanes, find_friction_robot
-from symbrion_gym._src.sensing.friction_robot import FrictionRobot
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
-from symbrion_gym._src.sensing.survey_robot import SurveyRobot
-from symbrion_gym._src.sensing.survey_world import SurveyRoom, SurveyWorld
+from symbrion_gym._src.sensing.friction_drive import SlipNoise, drive_lanes
+from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot, expose, look_at
+from symbrion_gym._src.sensing.survey_world import SurveyWorld
 
-if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.arena import Arena
-    from symbrion_gym._src.arenas.course import Course, StairsCourse
-
+_PATTERN = "checker"  # Of the courses by name, which have no colors of their own
+_GROUND = 0.5  # Gray of the ground around an arena, and of a pixel that shows nothing
+_RIM = 1e-3  # The arena ends this far outside of its box [m]
+_CAMERA_STREAM = 20  # The camera draws from a stream of its own: ranges are those of a survey without it
 _FIRST_WAYPOINT = 2
 """The drive begins next to the arena, not in a corner of the room, where little is seen of its length."""
 
@@ -47,9 +47,8 @@ def survey(
     sensor: SurveyRobot | LaserScanner | None = None,
     seed: int = 0,
     progress: Progress = silent,
-    room: SurveyRoom | None = None,
     camera: bool | CameraConfig = False,
-    friction: bool | FrictionRobot = False,
+    friction: bool | SlipNoise = False,
 ) -> ScanLog:
     """Drive a virtual robot around an arena and return its scan log, localized.
 
@@ -65,12 +64,11 @@ def survey(
         sensor: robot, or scanner on the default robot.
         seed: decides every error; equal seeds give equal logs.
         progress: called with what is being done.
-        room: around the arena; None for the default.
         camera: a camera beside the vertical scanner gives each reading a color (`ScanLog.colors`); True for the default
             one. The ranges stay the same. The courses "truth" and "stairs" are painted as a checker then; other arenas
             need colors of their own.
         friction: whether docked Scouts drive over the arena afterwards and feel the ground (`ScanLog.slip`), or the
-            robot that does; the scans are the same with and without.
+            errors of their sensors; the scans are the same with and without.
 
     Returns:
         Poses come from localization: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Leveling
@@ -84,12 +82,18 @@ def survey(
             friction is to be felt on a mesh, of which nobody knows any.
         MissingExtraError: the extra `scan` is not installed.
     """
-    arena = take_course(arena)
-    ground_robot, ground_arena = find_friction_robot(friction, arena)
     require_extras("a survey", "scan")
+    known, surface = _find_arena(arena, bool(camera))
+    if camera and (known is None or known.texture is None):
+        raise SurveyError(
+            "camera: a mesh, or an arena that has no colors, shows none; give an Arena with colors, made of a colored "
+            "scan or mesh, or of a Course with a color_pattern"
+        )
+    if friction and known is None:
+        raise SurveyError(
+            "friction is felt on an Arena, a named arena or its folder; a mesh has none: make_arena(mesh, friction=...)"
+        )
     robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
-    colored = take_arena(arena) if camera else None
-    surface = _find_surface(colored or arena)
     bounds = np.asarray(surface.bounds, float)
     if bounds[1, 2] - bounds[0, 2] + robot.head_room > robot.mast:
         robot = replace(robot, mast=float(bounds[1, 2] - bounds[0, 2] + robot.head_room))
@@ -100,12 +104,13 @@ def survey(
     ground = float(bounds[0, 2])
     roll, pitch = _sample_sway(len(true_planar), robot, rng)
     robot_poses = _lift(make_pose(*true_planar.T, roll=roll, pitch=pitch), ground)
-    world = SurveyWorld(surface, waypoints, room)
+    world = SurveyWorld(surface, waypoints)
     vertical, mixed, low = _scan(robot_poses, robot, world, rng, progress)
     colors = None
-    if colored is not None:
+    if known is not None and camera:
         lens = camera if isinstance(camera, CameraConfig) else CameraConfig()
-        colors = color_readings(vertical, robot_poses, robot, world, colored, lens, seed)
+        light = np.random.default_rng([seed, _CAMERA_STREAM])
+        colors = _color_readings(vertical, robot_poses, robot, world, known, lens, light)
     angles = robot.scanner.angles
     log = ScanLog(
         vertical,
@@ -119,11 +124,45 @@ def survey(
         colors=colors,
     )
     log = localize(log, progress=progress)
-    if ground_robot is None or ground_arena is None:
+    if known is None or not friction:
         return log
-    return log.replace(
-        slip=drive_lanes(ground_arena, ground_robot, np.random.default_rng([seed, 1]), progress)
-    )
+    noise = friction if isinstance(friction, SlipNoise) else SlipNoise()
+    return log.replace(slip=drive_lanes(known, noise, np.random.default_rng([seed, 1]), progress))
+
+
+def _find_arena(
+    arena: str | os.PathLike | Arena | Course | StairsCourse | trimesh.Trimesh, is_painted: bool
+) -> tuple[Arena | None, trimesh.Trimesh]:
+    """Return the arena, where it is more than a mesh, and its surface; courses by name are painted on demand."""
+    if isinstance(arena, str) and arena in ("truth", "stairs") and is_painted:
+        arena = (StairsCourse if arena == "stairs" else Course)(color_pattern=_PATTERN)
+    if isinstance(arena, Course | StairsCourse):
+        arena = Arena.from_course(arena)
+    what = "survey"
+    if isinstance(arena, str | os.PathLike):
+        if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
+            arena = load_arena(str(arena))
+        else:
+            what = f"survey of {arena}"
+            arena = _load_mesh(arena)
+    surface = arena.surface if isinstance(arena, Arena) else arena
+    if not isinstance(surface, trimesh.Trimesh):
+        raise SurveyError(f"survey needs a mesh with faces, got {surface!r}")
+    _check_size(surface, what)
+    few = len(surface.vertices) < _LEAST_VERTICES
+    return arena if isinstance(arena, Arena) else None, surface.subdivide() if few else surface
+
+
+def _load_mesh(path: str | os.PathLike[str]) -> trimesh.Trimesh:
+    """Read a mesh file; vertices that are not finite are dropped, those at one place are one."""
+    try:
+        surface = load_surface(path)
+    except ArenaError as error:
+        raise SurveyError(f"no named arena ({', '.join(NAMED_ARENAS)}), and no mesh: {error}") from error
+    surface.remove_infinite_values()
+    _check_size(surface, f"survey of {path}")
+    surface.merge_vertices()
+    return surface
 
 
 def _lift(poses: Float[np.ndarray, "S 4 4"], height: float) -> Float[np.ndarray, "S 4 4"]:
@@ -149,6 +188,33 @@ def _scan(
         if i % _REPORT_EVERY == 0:
             progress("scanning", i / len(robot_poses))
     return np.stack(vertical), np.stack(mixed), np.stack(low)
+
+
+def _color_readings(
+    ranges: Float[np.ndarray, "S B"],
+    robot_poses: Float[np.ndarray, "S 4 4"],
+    robot: SurveyRobot,
+    world: SurveyWorld,
+    arena: Arena,
+    config: CameraConfig,
+    rng: np.random.Generator,
+) -> UInt8[np.ndarray, "S B 3"]:
+    """Return the color that the camera sees where each reading falls on its picture; zeros without a reading."""
+    beams = robot.scanner.directions
+    is_read = np.isfinite(ranges)
+    places, seen = np.zeros((*ranges.shape, 3)), np.zeros(ranges.shape, dtype=bool)
+    for scan, robot_pose in enumerate(robot_poses):
+        pose, read = robot_pose @ robot.vertical_mount, is_read[scan]
+        if read.any():
+            ends = (ranges[scan, read, None] * beams[read]) @ pose[:3, :3].T + pose[:3, 3]
+            places[scan, read], seen[scan, read] = look_at(ends, pose, world.cast_on_arena, config)
+    low, high = np.asarray(arena.surface.bounds, float)
+    on_arena = seen & ((places >= low - _RIM) & (places <= high + _RIM)).all(axis=2)
+    colors = np.full((*ranges.shape, 3), _GROUND)
+    colors[on_arena] = arena.find_colors(places[on_arena])
+    pictures = np.stack([expose(row, config, rng) for row in colors])
+    pictures[~is_read] = 0
+    return pictures
 
 
 def make_path(
@@ -224,39 +290,6 @@ def _sample_sway(count: int, robot: SurveyRobot, rng: np.random.Generator) -> Fl
     return robot.shake * shake.T
 
 
-def _find_surface(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return the surface of whatever a survey takes as an arena."""
-    surface = arena
-    if isinstance(arena, (str, os.PathLike)):
-        from symbrion_gym._src.arenas.loading import load_arena
-        from symbrion_gym._src.assets import NAMED_ARENAS
-
-        if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
-            surface = load_arena(str(arena))
-        else:
-            return _load_surface(arena, NAMED_ARENAS)
-    surface = getattr(surface, "surface", surface)
-    surface = surface() if isinstance(surface, Callable) else surface
-    if not isinstance(surface, trimesh.Trimesh):
-        raise SurveyError(f"survey needs a mesh with faces, got {surface!r}")
-    _check_size(surface, "survey")
-    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
-
-
-def _load_surface(path: str | os.PathLike[str], named: Iterable[str]) -> trimesh.Trimesh:
-    """Read a mesh file; vertices that are not finite are dropped, those at one place are one."""
-    from symbrion_gym._src.arenas.surface_file import load_surface
-
-    try:
-        surface = load_surface(path)
-    except ArenaError as error:
-        raise SurveyError(f"no named arena ({', '.join(named)}), and no mesh: {error}") from error
-    surface.remove_infinite_values()
-    _check_size(surface, f"survey of {path}")
-    surface.merge_vertices()
-    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
-
-
 def _check_size(surface: trimesh.Trimesh, what: str) -> None:
     if not len(surface.faces):
         raise SurveyError(f"{what}: the mesh has no faces")
@@ -267,21 +300,15 @@ def _check_size(surface: trimesh.Trimesh, what: str) -> None:
     if not extent >= _SMALLEST:
         raise SurveyError(f"{what}: the mesh is {extent:g} m large; {_SMALLEST:g} m is the least")
     if extent > _LARGEST:
-        raise SurveyError(
-            f"{what}: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimeter, "
-            "scale it first: mesh.apply_scale(0.001)"
-        )
+        remedy = "if its unit is the millimeter, scale it first: mesh.apply_scale(0.001)"
+        raise SurveyError(f"{what}: the mesh is {extent:g} m large, more than {_LARGEST:g} m; {remedy}")
 
 
 def _check_path(path: ArrayLike) -> Float[np.ndarray, "W 2"]:
     """Return the waypoints of a path, those that are the same as the one before left out."""
     waypoints = np.asarray(path, float)
-    if (
-        waypoints.ndim != 2
-        or waypoints.shape[1] != 2
-        or len(waypoints) < 2
-        or not np.isfinite(waypoints).all()
-    ):
+    is_list = waypoints.ndim == 2 and waypoints.shape[1] == 2 and len(waypoints) >= 2
+    if not is_list or not np.isfinite(waypoints).all():
         raise SurveyError(f"path must be [W, 2] finite waypoints, W >= 2, got shape {waypoints.shape}")
     keep = np.r_[True, np.hypot(*np.diff(waypoints, axis=0).T) > _SAME_PLACE]
     if keep.sum() < 2:

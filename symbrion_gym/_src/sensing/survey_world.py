@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from symbrion_gym._src.errors import SurveyError
 
 _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
@@ -23,35 +21,16 @@ _WALL_DEPTH = 0.5  # How far the walls reach below the ground [m]
 Rectangle = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]  # Lowest and highest x and y [m]
 
 
-@dataclass(frozen=True)
-class SurveyRoom:
-    """The room around the arena; its uneven walls are what the horizontal scanner is localized by.
-
-    Raises:
-        SurveyError: a number is out of range.
-    """
-
-    gap: float = 0.10  # between the arena's bounding box and the ground around it [m]
-    margin: float = 1.5  # between the path and the walls [m]
-    height: float = 3.0  # height of the walls [m]; above the horizontal scanner
-    pilaster_width: tuple[float, float] = (0.25, 0.6)  # smallest and largest, along the wall [m]
-    pilaster_depth: tuple[float, float] = (0.25, 0.5)  # smallest and largest, off the wall [m]
-    # smallest and largest distance from one to the next [m]; uneven, so that no two views are alike
-    pilaster_spacing: tuple[float, float] = (0.6, 1.6)
-    # smallest and largest distance of the first from the corner [m]
-    first_pilaster: tuple[float, float] = (0.4, 1.0)
-    last_pilaster: float = 0.6  # distance of the last from the other corner, at least [m]
-    seed: int = 1  # seed of the pilasters; another room for another seed
-
-    def __post_init__(self) -> None:
-        check_not_negative(self, ("gap", "margin", "last_pilaster"), SurveyError)
-        check_positive(self, ("height",), SurveyError)
-        for name in ("pilaster_width", "pilaster_depth", "pilaster_spacing", "first_pilaster"):
-            low, high = getattr(self, name)
-            if not 0 < low <= high < np.inf:
-                raise SurveyError(f"SurveyRoom: {name} must be (low, high) above 0, got {(low, high)}")
-
-
+_GAP = 0.10  # Between the arena's bounding box and the ground around it [m]
+_MARGIN = 1.5  # Between the path and the walls [m]
+_HEIGHT = 3.0  # Of the walls [m]; above the horizontal scanner
+_PILASTER_WIDTH, _PILASTER_DEPTH = (0.25, 0.6), (0.25, 0.5)
+"""Smallest and largest, along the wall and off it [m]."""
+_PILASTER_SPACING = (0.6, 1.6)
+"""Smallest and largest distance from one to the next [m]; uneven, so that no two views are alike."""
+_FIRST_PILASTER = (0.4, 1.0)  # Smallest and largest distance of the first from the corner [m]
+_LAST_PILASTER = 0.6  # Distance of the last from the other corner, at least [m]
+_ROOM = 1  # Seed of the pilasters
 _ALL_BUT_WALLS = np.array([1, 1, 1, 1, 0, 0], np.uint8)
 _WALLS_ONLY = np.array([0, 0, 0, 0, 1, 0], np.uint8)
 
@@ -64,14 +43,8 @@ class SurveyWorld:
     walls, with uneven pilasters, stand 1.5 m beyond the path; only the horizontal scanner sees them.
     """
 
-    def __init__(
-        self,
-        surface: trimesh.Trimesh,
-        waypoints: Float[np.ndarray, "W 2"],
-        room: SurveyRoom | None = None,
-    ) -> None:
+    def __init__(self, surface: trimesh.Trimesh, waypoints: Float[np.ndarray, "W 2"]) -> None:
         """Build the room around an arena."""
-        room = room or SurveyRoom()
         spec = mujoco.MjSpec()
         bounds = np.asarray(surface.bounds, float)
         ground = bounds[0, 2]
@@ -79,12 +52,13 @@ class SurveyWorld:
         skirt = _make_skirt(surface, ground - _SKIRT_DEPTH)
         if skirt is not None:
             _add_mesh(spec, "skirt", *skirt, _SKIRT)
-        low = np.minimum(waypoints.min(0), bounds[0, :2]) - room.margin
-        high = np.maximum(waypoints.max(0), bounds[1, :2]) + room.margin
-        for a, b in _frame(low, high, bounds[0, :2] - room.gap, bounds[1, :2] + room.gap):
+        low = np.minimum(waypoints.min(0), bounds[0, :2]) - _MARGIN
+        high = np.maximum(waypoints.max(0), bounds[1, :2]) + _MARGIN
+        for a, b in _frame(low, high, bounds[0, :2] - _GAP, bounds[1, :2] + _GAP):
             _add_box(spec, a, b, ground - _FLOOR_DEPTH, ground, _FLOOR)
-        for a, b in (*_make_walls(low, high), *_make_pilasters(low, high, room)):
-            _add_box(spec, a, b, ground - _WALL_DEPTH, ground + room.height, _WALLS)
+        walls = _frame(low - _THICKNESS, high + _THICKNESS, low, high)
+        for a, b in (*walls, *_make_pilasters(low, high)):
+            _add_box(spec, a, b, ground - _WALL_DEPTH, ground + _HEIGHT, _WALLS)
         try:
             self._model = spec.compile()
         except ValueError as error:
@@ -146,43 +120,24 @@ def _frame(
 ) -> list[Rectangle]:
     """Cut the ground around the arena into four rectangles."""
     (x0, y0), (x1, y1), (a0, b0), (a1, b1) = low, high, inner_low, inner_high
-    return [
-        (np.array(a), np.array(b))
-        for a, b in (((x0, y0), (a0, y1)), ((a1, y0), (x1, y1)), ((a0, y0), (a1, b0)), ((a0, b1), (a1, y1)))
-    ]
+    corners = [((x0, y0), (a0, y1)), ((a1, y0), (x1, y1)), ((a0, y0), (a1, b0)), ((a0, b1), (a1, y1))]
+    return [(np.array(first), np.array(last)) for first, last in corners]
 
 
-def _make_walls(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> list[Rectangle]:
-    """Make the four walls of the room."""
-    (x0, y0), (x1, y1) = low, high
-    t = _THICKNESS
-    return [
-        (np.array(a), np.array(b))
-        for a, b in (
-            ((x0 - t, y0 - t), (x1 + t, y0)),
-            ((x0 - t, y1), (x1 + t, y1 + t)),
-            ((x0 - t, y0), (x0, y1)),
-            ((x1, y0), (x1 + t, y1)),
-        )
-    ]
-
-
-def _make_pilasters(
-    low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], room: SurveyRoom
-) -> Iterator[Rectangle]:
+def _make_pilasters(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> Iterator[Rectangle]:
     """Make unevenly spaced pilasters along the walls, so that every view has corners."""
-    rng = np.random.default_rng(room.seed)
+    rng = np.random.default_rng(_ROOM)
     for axis in (0, 1):
         for side in (0, 1):
-            at = low[axis] + rng.uniform(*room.first_pilaster)
-            while at < high[axis] - room.last_pilaster:
-                width, depth = rng.uniform(*room.pilaster_width), rng.uniform(*room.pilaster_depth)
+            at = low[axis] + rng.uniform(*_FIRST_PILASTER)
+            while at < high[axis] - _LAST_PILASTER:
+                width, depth = rng.uniform(*_PILASTER_WIDTH), rng.uniform(*_PILASTER_DEPTH)
                 wall = (low, high)[side][1 - axis]
                 span = sorted((wall, wall + (depth if side == 0 else -depth)))
                 a, b = np.zeros(2), np.zeros(2)
                 a[axis], b[axis], a[1 - axis], b[1 - axis] = at, at + width, *span
                 yield a, b
-                at += width + rng.uniform(*room.pilaster_spacing)
+                at += width + rng.uniform(*_PILASTER_SPACING)
 
 
 def _make_skirt(

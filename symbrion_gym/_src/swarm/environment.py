@@ -13,7 +13,7 @@ from pettingzoo import ParallelEnv
 
 from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.docks import find_groups

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from symbrion_gym._src.robot.scout_sensors import SensorNoise, find_scout_rays
+from symbrion_gym._src.robot.scout import find_scout_rays
+from symbrion_gym._src.robot.scout_constants import SensorNoise
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int

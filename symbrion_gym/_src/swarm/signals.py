@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.robot.scout_constants import SIDES
-from symbrion_gym._src.robot.scout_sensors import find_scout_rays
 from symbrion_gym._src.swarm.docks import compute_dock_frames
 from symbrion_gym._src.swarm.senses import NUM_UNITS
 

@@ -8,7 +8,7 @@ import pytest
 import evolution as ev
 import symbrion_gym as sg
 from symbrion_gym._src.arenas import arena as arena_module
-from symbrion_gym._src.arenas import loading
+from symbrion_gym._src.arenas import making
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.assets import find_assets
 
@@ -25,10 +25,10 @@ def no_truth(monkeypatch, tmp_path):
         raise TruthWasRead
 
     shutil.copytree(find_assets() / "arenas" / "gsrm", tmp_path / "assets" / "arenas" / "gsrm")
-    monkeypatch.setattr(loading, "find_assets", lambda: tmp_path / "assets")
+    monkeypatch.setattr(making, "find_assets", lambda: tmp_path / "assets")
     for kind in (Course, StairsCourse):
         monkeypatch.setattr(kind, "__init__", refuse)
-    monkeypatch.setattr(loading, "_make_exact", refuse)
+    monkeypatch.setattr(making, "_make_exact", refuse)
     monkeypatch.setattr(arena_module.Arena, "from_course", refuse)
     read_text, opened = Path.read_text, Path.open
 

@@ -1,12 +1,10 @@
 """Accuracy wanted and reached, as the making of an arena has noted it."""
 
-import logging
-
 import numpy as np
 import trimesh
 
 import symbrion_gym as sg
-from symbrion_gym._src.arenas.scan_quality import report_accuracy
+from symbrion_gym._src.arenas.making import report_accuracy
 from symbrion_gym._src.contact.quality import ArenaQuality
 
 GROUND = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
@@ -36,16 +34,3 @@ def test_no_contact_at_all():
     report = report_accuracy(make_arena(np.inf, accuracy=0.01))
     assert not report.is_reached
     assert report.as_dict()["reached"] is None
-
-
-def test_a_missed_accuracy_is_told_also_from_the_cache(tmp_path, caplog):
-    stairs = trimesh.creation.box((2, 2, 0.4)).subdivide().subdivide()
-    stairs.vertices[:, 2] += 0.3 * np.sin(9 * stairs.vertices[:, 0])
-    for _ in range(2):
-        caplog.clear()
-        with caplog.at_level(logging.WARNING):
-            arena = sg.make_arena(stairs, accuracy=1e-7, max_pieces=2, kind="convex", cache=tmp_path)
-        report = report_accuracy(arena)
-        assert not report.is_reached
-        assert caplog.text.count(report.warnings[-1]) == 1
-        assert "worst" in report.warnings[-1]

@@ -1,27 +1,22 @@
 """Arenas: built, measured, kept, loaded, compiled."""
 
-import dataclasses
 import json
-import multiprocessing
 import pickle
 
 import mujoco
 import numpy as np
 import pytest
 import trimesh
-from damage import flip_bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scanned_surface import cut_irregular, make_scanned_surface
 
 import reconstruction as rc
-from reconstruction._src.geometry.halfspaces import find_box
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.arenas.making import make_arena
-from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym._src.contact.quality import ArenaQuality, measure_arena
+from symbrion_gym._src.arenas.making import load_arena, make_arena
+from symbrion_gym._src.arenas.spec import CONTACT_GROUP
+from symbrion_gym._src.contact.quality import measure_arena
 from symbrion_gym._src.errors import ArenaError
 
 UNHURRIED = 1e5
@@ -31,11 +26,6 @@ SLANTED_PIT += [(1.7, 0), (3, 0)]
 
 
 _COURSES = [(800, False, 0.0), (800, False, 0.35), (2200, False, 0.0), (7000, True, 0.0), (7000, True, 0.35)]
-
-
-def make_hump():
-    x = np.linspace(-0.5, 0.5, 60)
-    return np.array([(-2.5, 0), *zip(x, 0.1 * (1 + np.cos(2 * np.pi * x)), strict=True), (2.5, 0)])
 
 
 def turn(mesh, yaw):
@@ -86,23 +76,6 @@ def test_the_pit_floor_is_not_filled_in(arena):
             assert 2.0 - distance == pytest.approx(0.0, abs=0.003)
 
 
-def test_spec_has_contact_and_surface_apart(arena):
-    model = arena.spec().compile()
-    is_contact, is_surface = (model.geom_group == g for g in (CONTACT_GROUP, SURFACE_GROUP))
-    assert is_contact.sum() == len(arena.pieces)
-    assert is_surface.sum() == 1
-    assert (model.geom_contype[is_surface] == 0).all()
-    assert (model.geom_conaffinity[is_surface] == 0).all()
-    np.testing.assert_allclose(model.geom_friction[is_contact, 0], 0.7)
-    assert not arena.spec().compiler.degree
-
-
-def test_height_is_that_of_the_surface_and_nan_outside(arena):
-    heights = arena.height(np.array([-2.5, 0.0, 9.0]), 0.0)
-    np.testing.assert_allclose(heights[:2], 0.0, atol=0.01)
-    assert np.isnan(heights[2])
-
-
 @pytest.mark.parametrize("name", ["truth", "simple", "stairs"])
 def test_named_arenas_compile(name):
     arena = load_arena(name)
@@ -110,15 +83,6 @@ def test_named_arenas_compile(name):
     assert arena.quality.max == 0.0
     model = arena.spec().compile()
     assert (model.geom_type[model.geom_group == CONTACT_GROUP] == mujoco.mjtGeom.mjGEOM_BOX).all()
-
-
-def test_box_pieces_are_found_tilted_too():
-    box = trimesh.creation.box((0.1, 1.0, 2.0))
-    box.apply_transform(trimesh.transformations.random_rotation_matrix(np.array([0.2, 0.5, 0.7])))
-    found = find_box(box)
-    assert found is not None
-    np.testing.assert_allclose(np.sort(found[1]), [0.05, 0.5, 1.0], atol=1e-6)
-    assert find_box(trimesh.creation.cone(1.0, 1.0)) is None
 
 
 @pytest.mark.parametrize("kind", ["hfield", "prisms"])
@@ -147,52 +111,6 @@ def test_a_saved_arena_is_the_same_and_opens_in_mujoco(arena, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
-def test_damaged_and_foreign_folders_are_refused(arena, tmp_path):
-    arena.save(tmp_path / "a")
-    (tmp_path / "a" / "surface.obj").unlink()
-    with pytest.raises(ArenaError, match=r"surface\.obj"):
-        Arena.load(tmp_path / "a")
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "thesis.txt").write_text("mine")
-    with pytest.raises(ArenaError, match="not empty"):
-        arena.save(tmp_path / "b")
-    assert (tmp_path / "b" / "thesis.txt").exists()
-
-
-def test_a_flipped_bit_in_a_height_field_is_an_arena_error(tmp_path):
-    mesh = make_scanned_surface(Course().profile(), num_vertices=200)
-    arena = make_arena(mesh, kind="hfield", cache=False)
-    arena.save(tmp_path)
-    path = tmp_path / "height_field.npz"
-    num_refused = 0
-    for damaged in flip_bits(path.read_bytes(), 200):
-        path.write_bytes(damaged)
-        try:
-            found = Arena.load(tmp_path).height_field
-        except ArenaError:
-            num_refused += 1
-            continue
-        assert all(map(np.array_equal, found, arena.height_field))
-    assert num_refused > 100
-
-
-def test_unknown_names_and_options_are_refused(scanned):
-    with pytest.raises(ArenaError, match="truth"):
-        load_arena("moon")
-    with pytest.raises(ArenaError, match="prisms"):
-        make_arena(scanned, kind="jelly")
-    with pytest.raises(ArenaError, match="accuracy"):
-        make_arena(scanned, accuracy=0.0)
-
-
-def test_mesh_files_load_by_path(scanned, tmp_path):
-    scanned.export(tmp_path / "pit.ply")
-    arena = load_arena(tmp_path / "pit.ply", kind="hfield", course=Course(), cache=tmp_path / "cache")
-    assert arena.name == "pit"
-    assert (arena.course, arena.friction_source) == (Course(), "exact")
-    assert (make_arena(scanned, kind="hfield", friction=0.5)).friction_source == "given"
-
-
 def test_the_friction_of_a_scan_is_an_assumption(arena, tmp_path):
     assert (arena.course, arena.friction, arena.friction_source) == (None, 0.7, "assumed")
     arena.save(tmp_path / "a")
@@ -210,53 +128,9 @@ def test_a_reconstruction_takes_no_course(tmp_path):
         make_arena(made, course=Course())
 
 
-def test_the_cache_gives_back_the_same_and_survives_damage(scanned, tmp_path):
-    first = make_arena(scanned, time_limit=UNHURRIED, cache=tmp_path)
-    (entry,) = tmp_path.glob("*.npz")
-    again = make_arena(scanned, time_limit=UNHURRIED, cache=tmp_path)
-    assert again.quality == first.quality
-    assert all(
-        np.array_equal(a.vertices, b.vertices) for a, b in zip(first.pieces, again.pieces, strict=True)
-    )
-    entry.write_bytes(entry.read_bytes()[:500])
-    rebuilt = make_arena(scanned, time_limit=UNHURRIED, cache=tmp_path)
-    assert all(
-        np.array_equal(a.vertices, b.vertices) for a, b in zip(first.pieces, rebuilt.pieces, strict=True)
-    )
-    make_arena(scanned, time_limit=UNHURRIED, cache=tmp_path, kind="hfield")
-    assert len(list(tmp_path.glob("*.npz"))) == 2
-    assert not list(tmp_path.glob("*.part"))
-
-
-def build_in_process(folder, queue):
-    mesh = make_scanned_surface(Course().profile(), num_vertices=600)
-    arena = make_arena(mesh, time_limit=UNHURRIED, cache=folder)
-    queue.put([piece.vertices.tobytes() for piece in arena.pieces])
-
-
-def test_two_processes_may_build_the_same_arena_at_once(tmp_path):
-    context = multiprocessing.get_context("spawn")
-    queue = context.Queue()
-    workers = [context.Process(target=build_in_process, args=(tmp_path, queue)) for _ in range(2)]
-    for worker in workers:
-        worker.start()
-    results = [queue.get(timeout=120) for _ in workers]
-    for worker in workers:
-        worker.join()
-    assert results[0] == results[1]
-    assert len(list(tmp_path.glob("*.npz"))) == 1
-
-
 def test_an_arena_goes_through_pickle(arena):
     copy = pickle.loads(pickle.dumps(arena))
     assert copy.spec().compile().ngeom == arena.spec().compile().ngeom
-
-
-def test_progress_is_told(scanned):
-    told = []
-    make_arena(scanned, cache=False, progress=lambda message, share: told.append(share))
-    assert told == sorted(told)
-    assert told[-1] == 1.0
 
 
 BROKEN = {
@@ -301,44 +175,12 @@ def make_walls():
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], process=False)
 
 
-def test_nothing_but_walls_is_measured_too():
-    quality = make_arena(make_walls(), cache=False).quality
-    assert quality.mean < 0.003
-    assert quality.uncovered == 0.0
-
-
-def test_figures_of_nothing_are_written_as_strict_json(tmp_path):
-    walls = make_arena(make_walls(), cache=False, kind="prisms")
-    nothing = ArenaQuality(np.inf, np.inf, np.inf, len(walls.pieces), np.inf, 1.0)
-    arena = dataclasses.replace(walls, quality=nothing)
-    arena.save(tmp_path / "walls")
-
-    def refuse(name):
-        raise AssertionError(f"{name} is not JSON")
-
-    about = json.loads((tmp_path / "walls" / "arena.json").read_text(), parse_constant=refuse)
-    assert about["quality"]["mean"] is None
-    assert Arena.load(tmp_path / "walls").quality == arena.quality
-
-
 def test_what_the_time_limit_cut_short_is_not_kept(tmp_path):
     walls = make_walls()
     assert make_arena(walls, cache=tmp_path, time_limit=1e-6).provenance["was_cut_short"]
     assert not list(tmp_path.glob("*.npz"))
     assert "was_cut_short" not in make_arena(walls, cache=tmp_path).provenance
     assert len(list(tmp_path.glob("*.npz"))) == 1
-
-
-@pytest.mark.slow
-def test_a_million_faces_end_within_the_limit():
-    """Progress is told all along, and the planes are found in what is left after simplification."""
-    profile = Course().profile()
-    grid = make_scanned_surface(profile, num_vertices=500, noise=0.0).subdivide_loop(iterations=5)
-    assert len(grid.faces) > 0.8e6
-    told = []
-    arena = make_arena(grid, cache=False, time_limit=60.0, progress=lambda name, share: told.append(name))
-    assert arena.quality.mean < 0.01
-    assert len(told) >= 4
 
 
 def test_name_is_the_packages_own_beside_a_folder_of_that_name(tmp_path, monkeypatch):

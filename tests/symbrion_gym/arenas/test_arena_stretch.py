@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from reconstruction._src.geometry.halfspaces import find_box
-from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.arena import Arena, stretch_arena
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.arenas.loading import load_arena
-from symbrion_gym._src.arenas.stretch import stretch_arena
-from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.arenas.making import load_arena
 
 
 def test_stretching_the_truth_widens_its_pit() -> None:
@@ -19,24 +17,6 @@ def test_stretching_the_truth_widens_its_pit() -> None:
     x = np.linspace(-3.4, 3.4, 200)
     np.testing.assert_allclose(stretched.height(x, 0.1), wider.height(x, 0.1), atol=1e-9)
     assert all(piece.is_convex for piece in stretched.pieces)
-
-
-def test_no_stretch_is_the_arena_itself() -> None:
-    arena = load_arena("gsrm")
-    assert stretch_arena(arena, 1.0) is arena
-
-
-@pytest.mark.parametrize("name", ["truth", "stairs", "gsrm"])
-def test_heights_stay(name: str) -> None:
-    arena = load_arena(name)
-    stretched = stretch_arena(arena, 0.9)
-    np.testing.assert_allclose(stretched.surface.bounds[:, 2], arena.surface.bounds[:, 2])
-    np.testing.assert_allclose(stretched.surface.bounds[:, 0], 0.9 * arena.surface.bounds[:, 0])
-
-
-def test_the_environment_refuses_to_stretch_to_nothing() -> None:
-    with pytest.raises(ValueError, match="stretch"):
-        OrganismEnv(stretch=0.0)
 
 
 @pytest.mark.parametrize("name", ["truth", "gsrm", "gg"])

@@ -29,12 +29,6 @@ def test_default_course_has_the_sizes_of_the_design():
     np.testing.assert_allclose(heights, [0.0, 0.125, 0.25, 0.0, 0.25, 0.0], atol=1e-12)
 
 
-def test_walls_of_the_pit_are_vertical_and_normals_look_up():
-    normals = Course().surface().face_normals
-    assert (normals[:, 2] > -1e-12).all()
-    assert (np.abs(normals[:, 2]) < 1e-12).sum() == 4
-
-
 def test_simple_model_has_about_39_triangles_and_the_same_heights():
     course = Course()
     simple = make_simple_surface(course)

@@ -10,8 +10,10 @@ import pytest
 import trimesh
 
 import symbrion_gym as sg
+from reconstruction._src.surfaces.primitives.find import Primitives
+from reconstruction._src.surfaces.primitives.primitive import Primitive
+from symbrion_gym._src.arenas.primitives import compute_beam_cost, pays
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym._src.arenas.stretch import stretch_arena
 
 
 @pytest.fixture(scope="module")
@@ -69,11 +71,6 @@ def test_it_is_saved_loaded_and_opened_by_mujoco(arena: sg.Arena, tmp_path: Path
     assert model.ngeom == arena.spec().compile().ngeom
 
 
-@pytest.mark.parametrize("form", ["mjcf", "urdf", "obj"])
-def test_it_is_exported(arena: sg.Arena, tmp_path: Path, form: str) -> None:
-    assert arena.export(tmp_path / form, to=form)["num_solids"] >= len(arena.pieces)
-
-
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
@@ -104,17 +101,6 @@ def test_kind_and_primitives_go_together(arena: sg.Arena) -> None:
         replace(sg.load_arena("gsrm"), primitives=arena.primitives)
 
 
-def test_a_stretched_one_is_convex(arena: sg.Arena) -> None:
-    longer = stretch_arena(arena, 1.02)
-    assert longer.kind == "convex"
-    assert longer.primitives is None
-
-
-def test_arenas_of_other_kinds_are_written_without_primitives(tmp_path: Path) -> None:
-    sg.load_arena("gsrm").save(tmp_path / "gsrm")
-    assert "primitives" not in json.loads((tmp_path / "gsrm" / "arena.json").read_text())
-
-
 def test_a_mixed_arena_of_a_colored_scan_says_where_its_colors_are(caplog: pytest.LogCaptureFixture) -> None:
     box = trimesh.creation.box((1.0, 1.0, 0.2))
     plain = sg.make_arena(box, kind="mixed", cache=False)
@@ -123,3 +109,33 @@ def test_a_mixed_arena_of_a_colored_scan_says_where_its_colors_are(caplog: pytes
     arena = sg.make_arena(box, kind="mixed", cache=False)
     assert "kind 'mixed' without its colors" in caplog.text
     assert arena.texture is not None
+
+
+NONE = Primitives([], 0.004)
+
+
+def make_ground(extent: float = 2.0) -> trimesh.Trimesh:
+    """Return rough ground of 2 m x 2 m."""
+    box = trimesh.creation.box((extent, extent, 0.2)).subdivide_to_size(0.1)
+    ground = trimesh.Trimesh(box.vertices, box.faces[box.face_normals[:, 2] > 0.5])
+    ground.vertices[:, 2] += np.random.default_rng(0).normal(0, 0.001, len(ground.vertices))
+    return ground
+
+
+def make_floor(half: float) -> Primitives:
+    plane = Primitive("plane", np.array([0.0, 0.0, 0.098]), np.eye(3), np.array([half, half, 0.002]))
+    return NONE._replace(shapes=[plane])
+
+
+def test_cost_is_the_same_at_any_scale():
+    ground = make_ground()
+    larger = ground.copy().apply_scale(10.0)
+    assert compute_beam_cost(larger, NONE) == pytest.approx(compute_beam_cost(ground, NONE), rel=0.02)
+
+
+def test_a_rectangle_pays_where_it_replaces_most_triangles():
+    ground = make_ground()
+    assert compute_beam_cost(ground, make_floor(0.95)) < 0.5 * compute_beam_cost(ground, NONE)
+    assert pays(ground, make_floor(0.95))
+    assert not pays(ground, make_floor(0.2))
+    assert pays(ground, NONE)

@@ -12,7 +12,6 @@ import symbrion_gym as sg
 from reconstruction._src.geometry.pose import make_rotation
 from reconstruction._src.objects.finding import FoundObject
 from symbrion_gym._src.arenas.placed_objects import PlacedObject, find_object
-from symbrion_gym._src.arenas.stretch import stretch_arena
 from symbrion_gym._src.errors import ArenaError
 
 BOX = trimesh.creation.box((0.1, 0.2, 0.3))
@@ -54,12 +53,6 @@ def test_a_saved_arena_has_them_again(arena, tmp_path):
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "a/arena.xml")).nsite == 3
 
 
-def test_an_arena_without_objects_is_written_as_before(tmp_path):
-    sg.load_arena("truth").save(tmp_path / "a")
-    assert "objects" not in json.loads((tmp_path / "a/arena.json").read_text())
-    assert "site" not in (tmp_path / "a/arena.xml").read_text()
-
-
 @pytest.mark.parametrize("to", ["mjcf", "urdf", "obj"])
 def test_an_export_has_their_places(arena, tmp_path, to):
     arena.export(tmp_path, to)
@@ -80,12 +73,6 @@ def test_found_objects_are_placed_in_the_frame_of_the_arena(arena):
     np.testing.assert_allclose(placed.objects[1].position, (1.5, 0.0, 0.4))
     with pytest.raises(ArenaError, match="no mesh for object 'socket'; there are: tag"):
         sg.place_objects(arena, [found], {"tag": BOX})
-
-
-def test_stretching_moves_them_along_x(arena):
-    stretched = stretch_arena(arena, 1.1).objects[0]
-    np.testing.assert_allclose(stretched.position, (1.1, 0.5, 0.2))
-    np.testing.assert_array_equal(stretched.rotation, TURN)
 
 
 def test_they_are_found_by_site_or_by_kind(arena):

@@ -1,12 +1,27 @@
 """What an arena is made of, and what is asked about."""
 
+import zipfile
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 
 import reconstruction as rc
+from benchmarks.material.driving_scenes import make_furnished_room
+from symbrion_gym._src.arenas import surface_file
 from symbrion_gym._src.arenas.making import make_arena
-from symbrion_gym._src.arenas.scanned import MeshFrame, find_doubts, find_two_sided, take_surface
+from symbrion_gym._src.arenas.scanned import (
+    MeshFrame,
+    ScannedSurface,
+    add_scan_quality,
+    find_doubts,
+    find_two_sided,
+    simulate_readings,
+    take_surface,
+)
+from symbrion_gym._src.arenas.surface_file import load_surface
+from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
 
@@ -118,3 +133,66 @@ def test_points_are_sent_to_reconstruct(tmp_path):
             ArenaError, match=r"holds points without a surface; first: symbrion reconstruct .*scan"
         ):
             make_arena(tmp_path / name)
+
+
+GROUND = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
+SLAB = [trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])]
+QUALITY = ArenaQuality(0.0, 0.0, 0.0, 1)
+POINTS = np.random.default_rng(0).uniform([0, 0, 0], [4, 2, 0], (2000, 3))
+
+
+def test_without_viewpoints_nothing_is_known_of_beams():
+    assert add_scan_quality(QUALITY, ScannedSurface(GROUND), SLAB, GROUND) == QUALITY
+    scanned = ScannedSurface(GROUND, points=POINTS, dropped=0.2)
+    assert add_scan_quality(QUALITY, scanned, SLAB, GROUND) == replace(QUALITY, dropped=0.2)
+
+
+def test_with_viewpoints_beams_are_compared():
+    scanned = ScannedSurface(GROUND, points=POINTS, viewpoints=np.array([[2.0, 1.0, 1.0]]))
+    for each in (scanned, replace(scanned, points=None)):
+        quality = add_scan_quality(QUALITY, each, SLAB, GROUND)
+        assert (quality.beams_contact, quality.beams_surface, quality.free_space) == (1.0, 1.0, 0.0)
+        assert quality.dropped is None
+
+
+def test_simulated_readings_are_what_a_viewpoint_sees():
+    table = trimesh.creation.box(bounds=[[1, 0.5, 0.5], [2, 1.5, 0.6]])
+    scene = trimesh.Trimesh(
+        np.concatenate([GROUND.vertices, table.vertices]), np.concatenate([GROUND.faces, table.faces + 4])
+    )
+    viewpoints = np.array([[1.5, 1.0, 2.0], [1.5, 1.0, 0.3]])
+    points, seen_from = simulate_readings(scene, viewpoints, 5000)
+    from_above = points[seen_from == 0]
+    is_under = (np.abs(from_above[:, :2] - [1.5, 1.0]) < 0.5).all(axis=1) & (from_above[:, 2] < 0.01)
+    assert not is_under.any()
+    below = points[seen_from == 1]
+    assert (np.abs(below[:, :2] - [1.5, 1.0]) < 0.5).all(axis=1).any()
+    assert not (below[:, 2] > 0.55).any()
+
+
+def test_chosen_ends_were_seen():
+    room = make_furnished_room()
+    viewpoint = [3.4, 0.4, 0.6]  # behind the screen
+    room.provenance["viewpoints"] = [viewpoint]
+    route = room.find_route()
+    assert room.find_seen(np.array([route.start, route.goal])).all()
+    free = replace(room, provenance={}).find_route()
+    assert not room.find_seen(np.array([free.start, free.goal])).all()
+
+
+def test_files_that_are_no_meshes(tmp_path):
+    with pytest.raises(ArenaError, match="no mesh file"):
+        load_surface(tmp_path / "absent.ply")
+    (tmp_path / "bad.ply").write_text("not a mesh")
+    with pytest.raises(ArenaError, match=r"bad\.ply"):
+        load_surface(tmp_path / "bad.ply")
+
+
+def test_a_packed_mesh_is_unpacked_within_the_limit(tmp_path, monkeypatch):
+    box = trimesh.creation.box().export(file_type="obj")
+    with zipfile.ZipFile(tmp_path / "box.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("box.obj", box + "#" + " " * 1_000_000)
+    assert len(load_surface(tmp_path / "box.zip").faces) == 12
+    monkeypatch.setattr(surface_file, "MAX_BYTES", 1e5)
+    with pytest.raises(ArenaError, match=r"box\.zip: .*limit"):
+        load_surface(tmp_path / "box.zip")

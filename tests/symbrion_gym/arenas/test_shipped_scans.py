@@ -9,9 +9,8 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.assets import SCANNED, find_assets
 from symbrion_gym._src.errors import ArenaError
 
@@ -47,11 +46,6 @@ def find_truths(course: Course) -> set[float]:
     return numbers
 
 
-def test_every_scanned_arena_is_listed():
-    folders = {path.name for path in (find_assets() / "arenas").iterdir() if path.is_dir()}
-    assert folders == {"truth", "simple", *(name for name, _ in SCANS)}
-
-
 @pytest.mark.parametrize(("name", "pit"), SCANS)
 def test_a_scanned_arena_holds_nothing_of_the_truth(name, pit):
     about = json.loads((find_folder(name) / "arena.json").read_text())
@@ -74,13 +68,6 @@ def test_no_corner_of_the_truth_is_in_the_meshes(name, pit):
     for path in sorted(find_folder(name).rglob("*.obj")):
         vertices = trimesh.load(path, process=False).vertices
         assert corners.query(vertices)[0].min() > _SAME, path
-
-
-@pytest.mark.parametrize(("name", "pit"), SCANS)
-def test_a_scanned_arena_knows_its_friction_as_an_assumption(name, pit):
-    arena = Arena.load(find_folder(name))
-    assert arena.course is None
-    assert arena.friction_source == "assumed"
 
 
 @pytest.mark.parametrize(

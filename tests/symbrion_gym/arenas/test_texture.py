@@ -1,25 +1,17 @@
 """Arenas with colors: atlas, texture, folder, model."""
 
-import json
-
 import mujoco
 import numpy as np
 import pytest
 import trimesh
-from constants import with_constants
 
 import symbrion_gym as sg
 from reconstruction._src.scans.cloud import Cloud
-from symbrion_gym._src.arenas import texture
-from symbrion_gym._src.arenas.stretch import stretch_arena
 from symbrion_gym._src.arenas.texture import (
     SurfaceTexture,
     iterate_texels,
-    load_png,
     make_atlas,
-    make_texture,
     paint_texture,
-    to_png,
 )
 from symbrion_gym._src.errors import ArenaError
 
@@ -70,13 +62,6 @@ def test_cells_never_overlap_and_all_triangles_have_a_place():
     assert sorted(faces[faces >= 0].tolist()) == list(range(len(mesh.faces)))
 
 
-def test_texels_grow_until_the_picture_holds_them():
-    mesh = trimesh.creation.icosphere(3)
-    with with_constants(texture, max_size=256):
-        atlas = make_atlas(np.asarray(mesh.triangles), 1e-5)
-    assert (atlas.width, atlas.height) == (256, 256)
-
-
 def test_a_texel_shows_the_place_that_its_corners_say():
     mesh = make_ground()
     triangles = np.asarray(mesh.triangles)
@@ -97,29 +82,6 @@ def test_a_painted_texture_has_the_colors_everywhere():
     assert found == pytest.approx(paint(places), abs=0.01)
 
 
-def test_a_texture_of_points_has_their_colors():
-    mesh = make_ground()
-    face, weights, places = sample(mesh)
-    found = make_texture(mesh, make_cloud()).find_colors(face, weights)
-    assert np.sqrt(np.mean((found - paint(places)) ** 2)) < 0.02
-
-
-def test_equal_points_give_equal_bytes():
-    first, second = (make_texture(make_ground(), make_cloud()) for _ in range(2))
-    assert to_png(first.image) == to_png(second.image)
-    assert np.array_equal(first.uv, second.uv)
-
-
-def test_a_picture_survives_its_file(tmp_path):
-    image = np.random.default_rng(0).integers(0, 256, (7, 13, 3), dtype=np.uint8)
-    (tmp_path / "a.png").write_bytes(to_png(image))
-    assert np.array_equal(load_png(tmp_path / "a.png"), image)
-    (tmp_path / "b.png").write_bytes(b"no picture, but long enough for a header")
-    for name in ("b.png", "absent.png"):
-        with pytest.raises(ArenaError, match="not a picture"):
-            load_png(tmp_path / name)
-
-
 def test_a_colored_arena_survives_its_folder(tmp_path):
     arena = make_colored_arena()
     arena.save(tmp_path / "a")
@@ -134,16 +96,6 @@ def test_a_colored_arena_survives_its_folder(tmp_path):
     read.save(tmp_path / "b")
     for name in ("surface.obj", "surface.png"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-
-
-def test_an_arena_without_colors_is_written_as_before(tmp_path):
-    arena = sg.make_arena(make_ground(), cache=False)
-    arena.save(tmp_path)
-    assert "has_texture" not in json.loads((tmp_path / "arena.json").read_text())
-    assert not (tmp_path / "surface.png").exists()
-    assert {line.split()[0] for line in (tmp_path / "surface.obj").read_text().splitlines()} == {"v", "f"}
-    assert "texture" not in (tmp_path / "arena.xml").read_text()
-    assert sg.Arena.load(tmp_path).texture is None
 
 
 def test_the_model_in_memory_and_that_of_the_folder_have_the_same_texture(tmp_path):
@@ -164,14 +116,6 @@ def test_a_mesh_with_colors_becomes_an_arena_with_colors():
     arena = sg.make_arena(mesh, cache=False)
     _, _, places = sample(arena.surface)
     assert np.sqrt(np.mean((arena.find_colors(places) - paint(places)) ** 2)) < 0.02
-
-
-def test_a_stretched_arena_keeps_its_colors():
-    arena = make_colored_arena()
-    longer = stretch_arena(arena, 1.1)
-    places = np.asarray(arena.surface.triangles_center)
-    assert longer.find_colors(places * [1.1, 1, 1]) == pytest.approx(arena.find_colors(places), abs=1e-6)
-    assert np.array_equal(longer.surface.visual.vertex_colors, arena.surface.visual.vertex_colors)
 
 
 @pytest.mark.parametrize(

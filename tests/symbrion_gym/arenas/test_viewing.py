@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym._src.arenas.spec import CONTACT_GROUP
 from symbrion_gym._src.arenas.viewing import CONTACT_OPACITY, LAYERS, make_view_spec, open_viewer
 from symbrion_gym._src.errors import OptionError
 
@@ -49,25 +49,9 @@ def test_the_robot_stands_at_the_start(truth: sg.Arena):
     assert not model.geom("robot_0").contype.any()
 
 
-@pytest.mark.parametrize(("layer", "group"), [("surface", SURFACE_GROUP), ("contact", 1)])
-def test_one_layer(truth: sg.Arena, layer: str, group: int):
-    model = make_view_spec(truth, (layer,)).compile()
-    assert set(np.unique(model.geom_group)) == {group}
-
-
 def test_unknown_layers_and_missing_displays_are_refused(truth: sg.Arena, monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(OptionError, match="'fog'; there are surface"):
         make_view_spec(truth, ("fog",))
     monkeypatch.setattr("symbrion_gym._src.arenas.viewing.has_display", lambda: False)
     with pytest.raises(OptionError, match="no display"):
         open_viewer(truth.spec())
-
-
-def test_the_viewer_gets_the_model(truth: sg.Arena, monkeypatch: pytest.MonkeyPatch):
-    import mujoco.viewer
-
-    shown = []
-    monkeypatch.setattr("symbrion_gym._src.arenas.viewing.has_display", lambda: True)
-    monkeypatch.setattr(mujoco.viewer, "launch", shown.append)
-    open_viewer(make_view_spec(truth, ("surface",)))
-    assert find_names(shown[0]) == {"arena_surface"}

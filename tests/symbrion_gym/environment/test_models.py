@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from side_by_side import assert_equal_ticks
 
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.randomization import LayoutError

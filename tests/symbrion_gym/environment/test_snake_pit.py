@@ -18,7 +18,7 @@ import symbrion_gym as sg
 from symbrion_gym._src.environment.config import DEFAULT_SENSORS
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.registration import ENVIRONMENTS
-from symbrion_gym._src.robot.scout_sensors import SensorNoise
+from symbrion_gym._src.robot.scout_constants import SensorNoise
 
 EXTRA_SENSORS = ("odometry", "track_odometry", "laser", "hinge_target", "dock_force")
 TERRAIN = {"arena": "truth", "start": (-2.0, 0.0), "goal": (1.9, 0.2)}

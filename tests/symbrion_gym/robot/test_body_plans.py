@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-import symbrion_gym as sg
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.body_plans import load_organism, make_random_organism, organism_to_text
-from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.organism import cross, letter_h, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 
@@ -88,26 +87,9 @@ def test_what_does_not_is_refused(what, message):
         load_organism(what)
 
 
-def test_a_file_that_is_too_long_is_no_body_plan(tmp_path):
-    (tmp_path / "long").write_text("SBSF" * 30_000, encoding="utf-8")
-    with pytest.raises(OrganismError, match="longer than"):
-        load_organism(tmp_path / "long")
-
-
-def test_parents_lead_to_module_0():
-    assert snake(4).parents == (-1, 0, 1, 2)
-    assert cross(1).parents == (-1, 0, 0, 0, 0)
-    backwards = Organism(3, (Docking(0, "front", 2, "back"), Docking(2, "front", 1, "left")))
-    assert (backwards.parents, backwards.order) == ((-1, 2, 0), (0, 2, 1))
-
-
 def test_random_trees_repeat_with_the_seed():
     first, second = (make_random_organism(7, np.random.default_rng(3)) for _ in range(2))
     assert first == second
     assert first != make_random_organism(7, np.random.default_rng(4))
     with pytest.raises(OrganismError, match="at least 1"):
         make_random_organism(0, np.random.default_rng(0))
-
-
-def test_the_package_exports_them():
-    assert (sg.load_organism, sg.organism_to_text) == (load_organism, organism_to_text)

@@ -10,16 +10,19 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.making import choose_friction
 from symbrion_gym._src.errors import SurveyError
-from symbrion_gym._src.sensing.friction_drive import drive_lanes, find_friction_robot, find_lanes
-from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipNoise
+from symbrion_gym._src.sensing.friction_drive import (
+    SlipNoise,
+    drive_lanes,
+    find_lanes,
+)
+from symbrion_gym._src.sensing.survey import survey
 
 SMALL = Course(pit=0.3, floor=0.9, plateau=0.45, ramp=0.6, height=0.1, width=0.5, friction=0.6)
 ICED = Course(**{**vars(SMALL), "friction_patches": ((-1.9, -1.4, 0.3),)})
-ROBOT = FrictionRobot(spacing=1.0)
 
 
 def test_lanes_end_before_the_pit_and_run_both_ways() -> None:
-    lanes = find_lanes(Arena.from_course(SMALL), ROBOT)
+    lanes = find_lanes(Arena.from_course(SMALL))
     assert len(lanes) == 4
     assert {lane.start[1] for lane in lanes} == {0.0}
     assert max(lane.end[0] for lane in lanes if lane.end[0] < 0) == pytest.approx(-0.3, abs=0.02)
@@ -27,8 +30,8 @@ def test_lanes_end_before_the_pit_and_run_both_ways() -> None:
 
 
 def test_a_patch_and_the_ground_are_felt() -> None:
-    readings = drive_lanes(Arena.from_course(ICED), ROBOT, np.random.default_rng(0))
-    again = drive_lanes(Arena.from_course(ICED), ROBOT, np.random.default_rng(0))
+    readings = drive_lanes(Arena.from_course(ICED), SlipNoise(), np.random.default_rng(0))
+    again = drive_lanes(Arena.from_course(ICED), SlipNoise(), np.random.default_rng(0))
     assert (readings.forces == again.forces).all(), "equal seeds give equal readings"
     felt = estimate_friction_patches(find_friction(readings))
     ground = choose_friction(None, None, None, felt)
@@ -48,16 +51,8 @@ def test_what_is_given_goes_before_what_was_felt() -> None:
     assert choose_friction(None, None, None, None)[:2] == (0.7, "assumed")
 
 
-def test_a_mesh_has_no_friction_to_feel() -> None:
+def test_a_mesh_has_no_friction_to_feel_and_noise_is_not_negative() -> None:
     with pytest.raises(SurveyError, match="a mesh has none"):
-        find_friction_robot(True, trimesh.creation.box())
-    assert find_friction_robot(False, trimesh.creation.box()) == (None, None)
-
-
-def test_robots_that_cannot_feel_are_refused() -> None:
-    with pytest.raises(SurveyError, match="2 or more"):
-        FrictionRobot(modules=1)
-    with pytest.raises(SurveyError, match="spacing"):
-        FrictionRobot(spacing=0.0)
+        survey(trimesh.creation.box(), friction=True)
     with pytest.raises(SurveyError, match="drift_time"):
         SlipNoise(drift_time=0.0)

@@ -6,8 +6,8 @@ import pytest
 import trimesh
 
 from symbrion_gym._src.errors import ArenaError
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
 from symbrion_gym._src.sensing.rangefinder import RangeFinder
+from symbrion_gym._src.sensing.survey_robot import LaserScanner
 
 WORLD = """
 <mujoco>
@@ -43,21 +43,9 @@ def test_ranges_to_the_surface_and_to_others(scene):
     np.testing.assert_allclose(finder.read(scene[1]), [np.nan, 2.0, 0.8], atol=1e-6)
 
 
-def test_only_its_own_body_is_excluded_by_default(scene):
-    np.testing.assert_allclose(RangeFinder(scene[0], "laser", FAN).read(scene[1])[1], 0.15, atol=1e-6)
-
-
 def test_contact_pieces_are_never_seen(scene):
     with pytest.raises(ArenaError, match="contact"):
         RangeFinder(scene[0], "laser", FAN, groups=range(6))
-
-
-def test_the_scan_follows_the_robot(scene):
-    model, data = scene
-    finder = RangeFinder(model, "laser", FAN, exclude=["robot", "arm"])
-    data.qpos[:2] = [0.5, 0.3]
-    mujoco.mj_forward(model, data)
-    assert finder.read(data)[1] == pytest.approx(1.5)
 
 
 def test_beyond_the_range_there_is_nothing(scene):

@@ -14,8 +14,8 @@ from reconstruction._src.scans.preprocess import preprocess, remove_mixed_pixels
 from reconstruction._src.scans.scan import load_scan_log
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.errors import ArenaError
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
-from symbrion_gym._src.sensing.survey import SurveyRobot, drive, make_path, survey
+from symbrion_gym._src.sensing.survey import SurveyRobot, make_path, survey
+from symbrion_gym._src.sensing.survey_robot import LaserScanner
 
 SURFACE = Course(pit=0.40).surface()
 QUICK = SurveyRobot(speed=0.5, scan_rate=8.0, rest=2.0)
@@ -84,18 +84,6 @@ def test_mixed_pixels_are_labelled_and_go(log):
     assert (mixed & kept).sum() < 0.1 * mixed.sum()
 
 
-def test_without_errors_the_readings_are_exact():
-    scanner = LaserScanner(noise=0, noise_per_meter=0, resolution=0, spot=0, divergence=0)
-    robot = SurveyRobot(
-        scanner=scanner, shake=0, distance_drift=0, turn_drift=0, step_noise=0, scan_rate=4.0, rest=0.5
-    )
-    log = survey(SURFACE, path=PATH, sensor=robot, seed=0)
-    exact = log.replace(poses=log.truth.robot_poses @ log.mount).points()
-    inside = ((exact[:, :2] > log.box[0, :2]) & (exact[:, :2] < log.box[1, :2])).all(axis=1)
-    assert compute_distances(exact[inside]).max() < 1e-5
-    assert not log.truth.is_mixed.any()
-
-
 @pytest.mark.slow
 def test_the_default_path_sees_everything():
     log = survey(SURFACE, seed=0)
@@ -116,14 +104,6 @@ def test_the_default_path_keeps_off_the_arena_and_closes():
     assert outside.all()
     yaw = np.degrees(np.arctan2(*np.diff(path, axis=0).T[::-1])) % 90
     np.testing.assert_allclose(yaw, 45, atol=10)
-
-
-def test_the_drive_keeps_its_speeds():
-    poses = drive(np.array(PATH), QUICK)
-    step = np.diff(poses, axis=0)
-    assert np.hypot(step[:, 0], step[:, 1]).max() <= 0.5 / 8 + 1e-9
-    assert np.abs(step[:, 2]).max() <= 1.0 / 8 + 1e-9
-    np.testing.assert_allclose(poses[0, :2], PATH[0])
 
 
 def test_any_mesh_is_surveyed(tmp_path):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from swarm_cases import FLOOR, make_block, make_floor, make_sheet, make_world
 
-from symbrion_gym._src.robot.scout_sensors import LASER_HEIGHT, find_scout_rays
+from symbrion_gym._src.robot.scout import LASER_HEIGHT, find_scout_rays
 from symbrion_gym._src.swarm.docks import SCOUT
 from symbrion_gym._src.swarm.senses import Senses
 from symbrion_gym._src.swarm.world import SwarmCommands

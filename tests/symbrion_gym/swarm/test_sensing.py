@@ -5,7 +5,7 @@ import pytest
 from swarm_cases import make_state
 
 from symbrion_gym._src.robot.organism import Docking
-from symbrion_gym._src.robot.scout_sensors import find_scout_rays
+from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.swarm.behavior.memory import Wired, Words
 from symbrion_gym._src.swarm.behavior.sensing import (
     compute_brightness,

@@ -7,7 +7,6 @@ from swarm_cases import make_world
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS
-from symbrion_gym._src.robot.tracks import compute_skid_motion
 from symbrion_gym._src.swarm.docks import SCOUT
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
 from symbrion_gym._src.swarm.kinematic.skidding import TRACK_POINTS, balance, skid
@@ -26,12 +25,14 @@ def test_level_arm_on_level_ground_turns_about_a_place_ahead() -> None:
     assert np.ptp(TRACK_POINTS[:, 0]) / 2 == pytest.approx(END)
     share = SCOUT.arm_mass / (SCOUT.arm_mass + SCOUT.chassis_mass)
     front = 0.5 + share * (SCOUT.arm_reach - ARM_RADIUS) / (2 * END)
-    expected = compute_skid_motion(
-        -1.0, 1.0, np.array([END, -END]), 2 * SIDE, 1e-6, np.array([front, 1 - front])
-    )
-    np.testing.assert_allclose(
-        balance(np.ones(1), np.zeros((1, 2)), FRICTION)[0], expected, rtol=1e-3, atol=1e-9
-    )
+    ahead, left, turn = balance(np.ones(1), np.zeros((1, 2)), FRICTION)[0]
+    x, y = END * np.array([1, -1, 1, -1]), SIDE * np.array([1, 1, -1, -1])
+    slip = np.stack([ahead - turn * y + np.sign(y), left + turn * x])
+    loads = np.where(x > 0, front, 1 - front)
+    friction = loads * slip / np.hypot(np.linalg.norm(slip, axis=0), 0.01)
+    np.testing.assert_allclose(friction.sum(axis=1), 0.0, atol=1e-6)
+    assert (x * friction[1] - y * friction[0]).sum() == pytest.approx(0.0, abs=1e-8)
+    assert left < 0.0, "its middle is moved aside: it turns about a place ahead"
 
 
 def test_friction_balances_gravity_on_a_slope() -> None:

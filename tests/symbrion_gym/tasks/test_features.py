@@ -8,7 +8,7 @@ from benchmarks.material.bare_surfaces import make_bare
 from benchmarks.material.driving_scenes import make_furnished_room, make_terrain
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.tasks.features import find_gap, find_ramp, find_stairs, find_step

@@ -19,7 +19,7 @@ from benchmarks.material.driving_scenes import (
 )
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
-from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.world import World

@@ -26,7 +26,7 @@ from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count, format_extents
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.scan_quality import AccuracyReport
+    from symbrion_gym._src.arenas.making import AccuracyReport
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -125,7 +125,7 @@ class Arena(SeededCommand):
             require_extras("`symbrion arena --picture`", "report")
         if self.object:
             require_extras("`symbrion arena --object`", "objects")
-        from symbrion_gym._src.arenas.scan_quality import report_accuracy
+        from symbrion_gym._src.arenas.making import report_accuracy
 
         with console.track(f"Arena from {self.mesh.name}") as step:
             arena = self._place_objects(self._make(step.progress), step.progress)

@@ -19,8 +19,7 @@ from evolution._src.cli.command import (
 )
 from evolution._src.cli.console import Console
 from reconstruction._src.base.typed_json import as_type, read_json
-from symbrion_gym._src.sensing.laser_scanner import LaserScanner
-from symbrion_gym._src.sensing.survey_robot import SurveyRobot
+from symbrion_gym._src.sensing.survey_robot import LaserScanner, SurveyRobot
 
 PATH_ENDINGS = (".csv", ".txt", ".json")
 

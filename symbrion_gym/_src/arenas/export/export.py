@@ -2,109 +2,82 @@
 
 from __future__ import annotations
 
-import io
-import json
-import os
 import re
-from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
+from jaxtyping import Float
 
-from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
-from reconstruction._src.base.typed_json import read_json
-from symbrion_gym._src.arenas.export.content import Content, make_content, sample_heights
-from symbrion_gym._src.arenas.export.mjcf import format_mjcf
-from symbrion_gym._src.arenas.export.obj import LOADERS, USES, format_obj
-from symbrion_gym._src.arenas.export.urdf import format_urdf
-from symbrion_gym._src.arenas.export.usd import format_usd
-from symbrion_gym._src.arenas.placed_objects import format_objects
+from reconstruction._src.geometry.elevation import Elevation
+from symbrion_gym._src.arenas.export.content import Content, make_content
+from symbrion_gym._src.arenas.export.formats import FORMATS
+from symbrion_gym._src.arenas.owned_files import (
+    FileOwner,
+    format_arrays,
+    format_json,
+    remove_files,
+    write_file,
+    write_json,
+)
+from symbrion_gym._src.arenas.placed_objects import describe_objects
 from symbrion_gym._src.arenas.spec import ArenaGeometry
 from symbrion_gym._src.errors import ArenaError
 
 MANIFEST = "export.json"
 FORMAT = 1
-_OWN = re.compile(
+_PATTERN = (
     r"arena\.(?:xml|urdf|usda)|contact\.(?:xml|obj)|objects\.json|surface\.(?:obj|mtl|png)|pieces/\d{3,}\.obj"
     r"|heights\.npz|height_field\.npz"
     rf"|README\.md|NOTICE\.txt|load_(?:mjlab|playground|isaaclab)\.py|{re.escape(MANIFEST)}"
 )
-"""Every name that a file of an export may have; whatever a manifest says, no other is touched."""
-
-
-def save_export(folder: Path, files: dict[str, bytes], about: dict[str, Any]) -> None:
-    """Write the files of an export, and remove those of the former one that it no longer has."""
-    own = find_own_files(folder)
-    wanted = {*files, MANIFEST}
-    for name in sorted(wanted):
-        _refuse_foreign(folder, name, own)
-    about = {"format": FORMAT, **about}
-    _write(folder / MANIFEST, _to_json({**about, "complete": False, "files": sorted(own | wanted)}))
-    for name, content in files.items():
-        _write(folder / name, content)
-    _remove(folder, own - wanted)
-    _write(folder / MANIFEST, _to_json({**about, "complete": True, "files": sorted(wanted)}))
+_OWNER = FileOwner("export", MANIFEST, FORMAT, re.compile(_PATTERN))
+_HEIGHT_SPACING = 0.02
+"""Spacing of the grid of heights [m]: about that of a scan indoors; half of it takes four times the memory."""
+_MOST_HEIGHTS = 400_000  # Cells of that grid; it is wider where it would have more
 
 
 def find_own_files(folder: Path) -> frozenset[str]:
     """Return which files in a folder are an export's; none where there is no folder, or nothing in it."""
-    if folder.exists() and not folder.is_dir():
-        raise ArenaError(f"{folder} is a file; choose another folder")
-    if not (folder / MANIFEST).exists():
-        entries = set(folder.iterdir()) if folder.exists() else set()
-        if entries - find_leftovers(folder).keys():
-            raise ArenaError(f"{folder} is not empty and holds no export; choose another folder")
-        return frozenset()
-    try:
-        about = read_json(folder / MANIFEST)
-        version, names = about["format"], about["files"]
-        if not isinstance(version, int) or not isinstance(names, list):
-            raise ValueError("not an export's")
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise ArenaError(
-            f"{folder / MANIFEST} is damaged or of another program, so that nobody knows which files beside it "
-            "are an export's; choose another folder"
-        ) from error
-    if version > FORMAT:
-        raise ArenaError(f"{folder / MANIFEST}: written by a newer version; choose another folder")
-    return frozenset(name for name in names if isinstance(name, str) and _OWN.fullmatch(name)) | {MANIFEST}
+    return _OWNER.list_files(_OWNER.read_manifest(folder))
 
 
-def _refuse_foreign(folder: Path, name: str, own: frozenset[str]) -> None:
-    """Refuse to write where something lies that is no file of the export: a file, a folder, a link."""
-    path = folder / name
-    is_free = not os.path.lexists(path) and (path.parent.is_dir() or not os.path.lexists(path.parent))
-    if not _is_inside(folder, name) or not (is_free or (name in own and path.is_file())):
-        raise ArenaError(
-            f"{path} is in the way and no file of the export in {folder}; move it, or choose another folder"
-        )
+def export_arena(
+    folder: str | Path, geometry: ArenaGeometry, to: str, max_vertices: int | None, **about: Any
+) -> dict[str, Any]:
+    """Write an arena as a folder for other simulators; of what is there, only a former export is replaced."""
+    if to not in FORMATS:
+        raise ArenaError(f"to is {to!r}; there are: {', '.join(FORMATS)}")
+    folder = Path(folder)
+    own = find_own_files(folder)  # refused before any work
+    content = make_content(geometry, max_vertices, **about)
+    files = FORMATS[to](content) | {name: text.encode() for name, text in LOADERS[to].items()}
+    files["heights.npz"] = format_arrays(_sample_heights(geometry.surface))
+    if content.objects:
+        files["objects.json"] = format_json(describe_objects(content.objects))
+    files["README.md"] = _make_readme(content, to).encode()
+    files["NOTICE.txt"] = _NOTICE.format(version=version("symbrion-gym")).encode()
+    description = _describe(content, to)
+    wanted = {*files, MANIFEST}
+    _OWNER.refuse_foreign(folder, wanted, own)
+    manifest = {"format": FORMAT, **description}
+    write_json(folder / MANIFEST, manifest | {"complete": False, "files": sorted(own | wanted)})
+    for name, data in files.items():
+        write_file(folder / name, data)
+    remove_files(folder, own, ("pieces/",), keep=wanted)
+    write_json(folder / MANIFEST, manifest | {"complete": True, "files": sorted(wanted)})
+    return description
 
 
-def _is_inside(folder: Path, name: str) -> bool:
-    """Return whether a name leads to that place in the folder, and by no link elsewhere."""
-    return (folder / name).resolve() == folder.resolve() / name
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as temporary:
-        temporary.write_bytes(content)
-
-
-def _remove(folder: Path, names: frozenset[str]) -> None:
-    """Remove own files, and the folder of pieces that is empty then."""
-    for name in names:
-        if _is_inside(folder, name) and (folder / name).is_file():
-            (folder / name).unlink()
-    pieces = folder / "pieces"
-    if names and _is_inside(folder, "pieces") and pieces.is_dir() and not any(pieces.iterdir()):
-        pieces.rmdir()
-
-
-def _to_json(about: dict[str, Any]) -> bytes:
-    return (json.dumps(about, indent=2, allow_nan=False) + "\n").encode()
+def _sample_heights(surface: trimesh.Trimesh) -> dict[str, Float[np.ndarray, " ..."]]:
+    """Return the heights of a surface as seen from above, on a grid."""
+    low, high = np.asarray(surface.bounds, dtype=np.float64)[:, :2]
+    spacing = max(_HEIGHT_SPACING, float(np.sqrt(np.prod(high - low) / _MOST_HEIGHTS)))
+    columns, rows = (max(int(np.ceil(extent / spacing)) + 1, 2) for extent in high - low)
+    x, y = np.meshgrid(np.linspace(low[0], high[0], columns), np.linspace(low[1], high[1], rows))
+    return {"heights": Elevation(surface).height(x, y).astype(np.float32), "low": low, "high": high}
 
 
 _NOTICE = """This folder was generated from a scan by Symbrion Gym {version}.
@@ -115,7 +88,7 @@ its output, and the loaders (load_*.py) may be used without any condition.
 """
 
 
-def describe(content: Content, to: str) -> dict[str, Any]:
+def _describe(content: Content, to: str) -> dict[str, Any]:
     """Return the content of `export.json`, without its format and the names of files."""
     return {
         "to": to,
@@ -126,7 +99,7 @@ def describe(content: Content, to: str) -> dict[str, Any]:
         "offset": list(content.offset),
         "friction": content.friction,
         **({} if content.friction_map is None else {"friction_map": content.friction_map.as_dict()}),
-        "num_pieces": content.num_pieces,
+        "num_pieces": len(content.geometry.pieces),
         "num_solids": len(content.solids),
         "max_vertices": content.max_vertices,
         "deviation": content.deviation,
@@ -135,88 +108,113 @@ def describe(content: Content, to: str) -> dict[str, Any]:
     }
 
 
-def make_notice() -> str:
-    """Return the note on licenses, `NOTICE.txt`."""
-    return _NOTICE.format(version=version("symbrion-gym"))
+_README = """# Arena {name}
 
+An arena from a scan, {extent} m, written by Symbrion Gym for {to}.
 
-def make_readme(content: Content, to: str) -> str:
-    """Return `README.md`: the files of a format, frame, units and friction."""
-    low, high = content.surface.bounds
-    extent = " x ".join(f"{side:.2f}" for side in high - low)
-    offset = ", ".join(f"{value:.3f}" for value in content.offset)
-    return (
-        "\n\n".join(
-            [
-                f"# Arena {content.name}",
-                f"An arena from a scan, {extent} m, written by Symbrion Gym for {to.upper()}.",
-                USES[to],
-                _describe_contact(content),
-                f"""- Units are meters, z points up.
+{use}
+
+The contact geometry is {contact}.
+
+- Units are meters, z points up.
 - Coordinates of the scan = coordinates here + ({offset}) m.
-- Sliding friction of the ground: {content.friction:g}{_describe_patches(content, to)}.
+- Sliding friction of the ground: {friction:g}. Patches with another one are listed as `friction_map` in `export.json`;
+  in MJCF and USD the pieces there have it.
 - `heights.npz`: heights of the surface as seen from above (under a ceiling, the ceiling), rows along y, columns along x
   from `low` to `high`; NaN where there is no surface.
-- `export.json`: all of this for programs. `NOTICE.txt`: whose the geometry is.""",
-                "Exporting again replaces the files that `export.json` lists and leaves all others.",
-            ]
-        )
-        + "\n"
+- `export.json`: all of this for programs. `NOTICE.txt`: whose the geometry is.
+
+Exporting again replaces the files that `export.json` lists and leaves all others.
+"""
+
+
+def _make_readme(content: Content, to: str) -> str:
+    """Return `README.md`: the files of a format, frame, units and friction."""
+    deviation = f"within {1e3 * content.deviation:.2f} mm of {len(content.geometry.pieces)} pieces"
+    solids = f"{len(content.solids)} convex solids, {deviation}"
+    return _README.format(
+        name=content.name,
+        extent=" x ".join(f"{side:.2f}" for side in content.geometry.surface.extents),
+        to=to.upper(),
+        use=USES[to],
+        contact=solids if content.geometry.height_field is None else "a height field",
+        offset=", ".join(f"{value:.3f}" for value in content.offset),
+        friction=content.friction,
     )
 
 
-def _describe_patches(content: Content, to: str) -> str:
-    if content.friction_map is None or not content.friction_map.patches:
-        return ""
-    values = ", ".join(f"{patch.friction:.2f}" for patch in content.friction_map.patches)
-    carried = "the pieces there have it" if to in ("mjcf", "usd") else f"{to.upper()} does not carry it"
-    return f"; in patches {values} (`friction_map` in `export.json`; {carried})"
+_MJLAB = '''"""Load this arena as the ground of a scene in mjlab: SceneCfg of `make_scene(entities={"robot": ...})`."""
+
+from pathlib import Path
+
+import mujoco
+from mjlab.scene import SceneCfg
+
+FILE = Path(__file__).with_name("arena.xml")
 
 
-def _describe_contact(content: Content) -> str:
-    if content.height_field is not None:
-        rows, columns = content.height_field.heights.shape
-        return f"The contact geometry is a height field of {rows} x {columns} heights."
-    text = f"The contact geometry is {len(content.solids)} convex solids"
-    if content.max_vertices is not None:
-        text += f" of at most {content.max_vertices} vertices"
-    if len(content.solids) != content.num_pieces:
-        text += f", cut from {content.num_pieces} pieces"
-    if content.deviation > 0:
-        text += f"; they deviate from the pieces by {1e3 * content.deviation:.2f} mm at most"
-    return text + "."
+def add_arena(spec: mujoco.MjSpec) -> None:
+    arena = mujoco.MjSpec.from_file(str(FILE))
+    ground = spec.worldbody.add_frame().attach_body(arena.body("arena"), "arena/", "")
+    ground.name = "terrain"  # by which mjlab's contact sensors know the ground
 
 
-FORMATS: dict[str, Callable[[Content], dict[str, bytes]]] = {
-    "mjcf": format_mjcf,
-    "urdf": format_urdf,
-    "usd": format_usd,
-    "obj": format_obj,
+def make_scene(**options) -> SceneCfg:
+    # One arena, shared by all environments: their origins coincide.
+    return SceneCfg(terrain=None, env_spacing=0.0, spec_fn=add_arena, **options)
+'''
+
+_PLAYGROUND = '''"""Load this arena with a robot for an `MjxEnv` of MuJoCo Playground: `load_model(xml)`."""
+
+from pathlib import Path
+
+import mujoco
+
+FILE = Path(__file__).with_name("contact.xml")  # MJX has no use for the surface
+
+
+def load_model(xml: str, assets: dict[str, bytes] | None = None) -> mujoco.MjModel:
+    spec = mujoco.MjSpec.from_string(xml, assets=assets)
+    arena = mujoco.MjSpec.from_file(str(FILE))
+    spec.worldbody.add_frame().attach_body(arena.body("arena"), "arena/", "")
+    return spec.compile()  # then mjx.put_model(model), impl="warp" where there are many pieces
+'''
+
+_ISAACLAB = '''"""Load this arena as the terrain of an InteractiveSceneCfg of Isaac Lab: `terrain = make_terrain()`."""
+
+from pathlib import Path
+
+from isaaclab.terrains import TerrainImporterCfg
+
+FILE = Path(__file__).with_name("arena.usda")
+
+
+def make_terrain(prim_path: str = "/World/ground") -> TerrainImporterCfg:
+    # One arena, shared by all environments: give the InteractiveSceneCfg env_spacing=0.0, too.
+    return TerrainImporterCfg(prim_path=prim_path, terrain_type="usd", usd_path=str(FILE), env_spacing=0.0)
+'''
+
+LOADERS = {
+    "mjcf": {"load_mjlab.py": _MJLAB, "load_playground.py": _PLAYGROUND},
+    "urdf": {},
+    "usd": {"load_isaaclab.py": _ISAACLAB},
+    "obj": {},
 }
-"""Format -> the function that returns its files: name -> content."""
+"""Format -> name -> text of its loaders."""
 
-
-def export_arena(
-    folder: str | Path, geometry: ArenaGeometry, to: str, max_vertices: int | None, **about: Any
-) -> dict[str, Any]:
-    """Write an arena as a folder for other simulators; of what is there, only a former export is replaced."""
-    if to not in FORMATS:
-        raise ArenaError(f"to is {to!r}; there are: {', '.join(FORMATS)}")
-    folder = Path(folder)
-    find_own_files(folder)  # refused before any work
-    content = make_content(geometry, max_vertices, **about)
-    files = FORMATS[to](content) | {name: text.encode() for name, text in LOADERS[to].items()}
-    files["heights.npz"] = _format_arrays(sample_heights(geometry.surface))
-    if content.objects:
-        files["objects.json"] = format_objects(content.objects)
-    files["README.md"] = make_readme(content, to).encode()
-    files["NOTICE.txt"] = make_notice().encode()
-    description = describe(content, to)
-    save_export(folder, files, description)
-    return description
-
-
-def _format_arrays(arrays: dict[str, np.ndarray]) -> bytes:
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    return buffer.getvalue()
+USES = {
+    "mjcf": """MuJoCo: `mujoco.MjModel.from_xml_path("arena.xml")`, or in a model of yours
+`<include file="arena.xml"/>`, or `frame.attach_body(mujoco.MjSpec.from_file("arena.xml").body("arena"), "arena/", "")`.
+`contact.xml` is the same without the surface. Contact pieces are in geom group 3, the surface in group 2: it is drawn
+and hit by rays, and touches nothing. `load_mjlab.py` and `load_playground.py` are for mjlab and MuJoCo Playground.""",
+    "urdf": """One link with a collision element for each piece and the surface as its visual; paths are relative to
+`arena.urdf`. The link has no inertia: fix it to the world (PyBullet: `loadURDF("arena.urdf", useFixedBase=True)`).
+MuJoCo loads it, too: `mujoco.MjModel.from_xml_path("arena.urdf")`. URDF has no friction; there are elements for
+PyBullet and Gazebo.""",
+    "usd": """`arena.usda` has the physics schema: `/arena/contact` are static colliders (cubes, convex hulls) with the
+purpose "guide", which renderers hide, `/arena/surface` is drawn, `/arena/ground` is the physics material.
+`load_isaaclab.py` is for Isaac Lab.""",
+    "obj": """`contact.obj` has one object (`o`) for each convex piece, `surface.obj` is the exact surface. In Python:
+`trimesh.load("contact.obj", split_objects=True)`.""",
+}
+"""Format -> how it is used, for the README."""

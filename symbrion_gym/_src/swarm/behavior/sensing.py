@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.robot.organism import Docking
+from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.robot.scout_sensors import find_scout_rays
 from symbrion_gym._src.swarm.behavior.memory import Heard, Percepts, Wired, Words
 from symbrion_gym._src.swarm.docks import compute_dock_frames
 from symbrion_gym._src.swarm.senses import NUM_UNITS, Senses, SwarmWorld

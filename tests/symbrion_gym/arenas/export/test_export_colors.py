@@ -32,14 +32,6 @@ def test_the_obj_has_colors_and_a_texture(arena, to, tmp_path):
     assert len((tmp_path / "surface.obj").read_text().splitlines()[2].split()) == 7
 
 
-def test_an_export_without_colors_has_no_files_of_them(arena, tmp_path):
-    arena.export(tmp_path, to="mjcf")
-    sg.Arena.from_course(sg.Course()).export(tmp_path, to="obj")
-    assert not (tmp_path / "surface.png").exists()
-    assert not (tmp_path / "surface.mtl").exists()
-    assert (tmp_path / "surface.obj").read_text().startswith("v ")
-
-
 def test_usd_has_vertex_colors(arena, tmp_path):
     usd = pytest.importorskip("pxr.Usd")
     arena.export(tmp_path, to="usd")

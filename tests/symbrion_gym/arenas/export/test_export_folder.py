@@ -1,14 +1,13 @@
 """The folder of an export: complete, described, and careful with the files of others."""
 
 import json
-import os
 
 import numpy as np
 import pytest
 from exported import make_field_arena, make_mixed_arena
 
 from symbrion_gym._src.arenas.export import export
-from symbrion_gym._src.arenas.export.export import FORMATS, MANIFEST
+from symbrion_gym._src.arenas.export.export import MANIFEST
 from symbrion_gym._src.errors import ArenaError
 
 
@@ -44,18 +43,6 @@ def test_heights_are_those_of_the_surface(tmp_path):
     assert columns > rows > 40
 
 
-def test_an_unknown_format_lists_those_that_exist(tmp_path):
-    with pytest.raises(ArenaError, match="to is 'fbx'; there are: mjcf, urdf, usd, obj"):
-        make_mixed_arena().export(tmp_path / "out", "fbx")
-    assert list(FORMATS) == ["mjcf", "urdf", "usd", "obj"]
-
-
-def test_a_limit_below_that_of_a_box_is_refused(tmp_path):
-    with pytest.raises(ArenaError, match="max_vertices is 7; 8 or more are needed"):
-        make_mixed_arena().export(tmp_path / "out", "mjcf", 7)
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_second_export_replaces_the_first_and_nothing_else(tmp_path):
     arena = make_mixed_arena()
     arena.export(tmp_path, "urdf")
@@ -68,13 +55,6 @@ def test_a_second_export_replaces_the_first_and_nothing_else(tmp_path):
     }
     arena.export(tmp_path, "urdf")
     assert (tmp_path / "pieces/notes.txt").read_text() == "mine"
-
-
-def test_empty_folders_of_former_exports_are_removed(tmp_path):
-    arena = make_mixed_arena()
-    arena.export(tmp_path, "urdf")
-    arena.export(tmp_path, "mjcf")
-    assert not (tmp_path / "pieces").exists()
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path):
@@ -96,55 +76,11 @@ def test_a_manifest_of_another_program_is_refused(tmp_path, content):
     assert read_all(tmp_path) == {MANIFEST: content.encode()}
 
 
-def test_a_newer_manifest_is_refused(tmp_path):
-    (tmp_path / MANIFEST).write_text('{"format": 2, "files": []}')
-    with pytest.raises(ArenaError, match="written by a newer version"):
-        make_mixed_arena().export(tmp_path, "mjcf")
-
-
-def test_a_manifest_cannot_name_foreign_files(tmp_path):
-    """Whatever a manifest lists, only names of exports are removed."""
-    victim = tmp_path / "victim.txt"
-    victim.write_text("mine")
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out/notes.txt").write_text("mine")
-    names = ["../victim.txt", "notes.txt", "pieces/../notes.txt", 3]
-    (tmp_path / "out" / MANIFEST).write_text(json.dumps({"format": 1, "files": names}))
-    make_mixed_arena().export(tmp_path / "out", "mjcf")
-    assert victim.read_text() == "mine"
-    assert (tmp_path / "out/notes.txt").read_text() == "mine"
-
-
-def test_a_file_in_the_way_is_refused(tmp_path):
-    arena = make_mixed_arena()
-    arena.export(tmp_path, "obj")
-    (tmp_path / "arena.xml").write_text("mine")
-    before = read_all(tmp_path)
-    with pytest.raises(ArenaError, match=r"arena\.xml is in the way"):
-        arena.export(tmp_path, "mjcf")
-    assert read_all(tmp_path) == before
-
-
-@pytest.mark.skipif(os.name == "nt", reason="links need rights on Windows")
-def test_a_link_that_leads_elsewhere_is_refused(tmp_path):
-    arena = make_mixed_arena()
-    arena.export(tmp_path / "out", "urdf")
-    (tmp_path / "elsewhere").mkdir()
-    for path in (tmp_path / "out/pieces").iterdir():
-        path.rename(tmp_path / "elsewhere" / path.name)
-    (tmp_path / "out/pieces").rmdir()
-    (tmp_path / "out/pieces").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(ArenaError, match="is in the way"):
-        arena.export(tmp_path / "out", "urdf")
-    arena.export(tmp_path / "out", "mjcf")
-    assert len(read_all(tmp_path / "elsewhere")) >= 2
-
-
 def test_a_kill_between_two_files_is_repaired_by_the_next_export(tmp_path, monkeypatch):
 
     arena = make_mixed_arena()
     arena.export(tmp_path, "urdf")
-    write, calls = export._write, []
+    write, calls = export.write_file, []
 
     def write_three(path, content):
         if len(calls) == 3:
@@ -152,7 +88,7 @@ def test_a_kill_between_two_files_is_repaired_by_the_next_export(tmp_path, monke
         calls.append(path)
         write(path, content)
 
-    monkeypatch.setattr(export, "_write", write_three)
+    monkeypatch.setattr(export, "write_file", write_three)
     with pytest.raises(KeyboardInterrupt):
         arena.export(tmp_path, "mjcf")
     assert json.loads((tmp_path / MANIFEST).read_text())["complete"] is False

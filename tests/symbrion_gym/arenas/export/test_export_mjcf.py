@@ -78,10 +78,3 @@ def test_the_body_is_attached_twice(tmp_path):
     model = spec.compile()
     assert model.body("copy_1/arena").pos[1] == 10
     assert model.ngeom == 1 + 2 * mujoco.MjModel.from_xml_path(str(tmp_path / "out/contact.xml")).ngeom
-
-
-def test_equal_arenas_give_equal_files(tmp_path):
-    for name in ("a", "b"):
-        make_mixed_arena().export(tmp_path / name, "mjcf")
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name

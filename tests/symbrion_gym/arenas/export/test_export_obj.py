@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from exported import make_field_arena, make_mixed_arena
+from exported import make_mixed_arena
 
 
 def test_objects_are_the_pieces(tmp_path):
@@ -23,10 +23,3 @@ def test_the_surface_is_exact_to_a_micrometer(tmp_path):
     surface = trimesh.load_mesh(tmp_path / "surface.obj", process=False)
     assert np.allclose(surface.vertices, arena.surface.vertices, atol=1e-6)
     assert np.array_equal(surface.faces, arena.surface.faces)
-
-
-def test_a_height_field_is_one_object(tmp_path):
-    arena = make_field_arena()
-    arena.export(tmp_path, "obj")
-    mesh = trimesh.load_mesh(tmp_path / "contact.obj", process=False)
-    assert np.allclose(mesh.vertices, arena.height_field.as_mesh().vertices, atol=1e-6)

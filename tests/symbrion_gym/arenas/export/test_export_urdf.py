@@ -68,23 +68,6 @@ def test_mujoco_imports_it(folder):
     assert model.nv == 0
 
 
-def test_yourdfpy_opens_it(folder):
-    yourdfpy = pytest.importorskip("yourdfpy", reason="an independent reader of URDF: pip install yourdfpy")
-    robot = yourdfpy.URDF.load(
-        str(folder / "arena.urdf"), build_collision_scene_graph=True, load_collision_meshes=True
-    )
-    assert robot.validate()
-    assert list(robot.link_map) == ["arena"]
-    solids = find_solids()
-    scene = robot.collision_scene
-    (mesh,) = scene.geometry.values()  # it joins those of a link
-    assert len(mesh.faces) == sum(len(solid.faces) for solid in solids)
-    bounds = np.array(
-        [np.min([s.bounds[0] for s in solids], axis=0), np.max([s.bounds[1] for s in solids], axis=0)]
-    )
-    assert np.allclose(mesh.bounds, bounds, atol=1e-4)
-
-
 def test_a_height_field_is_refused_with_what_would_do(tmp_path):
     with pytest.raises(
         ArenaError, match="'field' is a height field, which URDF does not have; export it to mjcf"

@@ -10,7 +10,7 @@ from device_beside_host import Both, run
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.robot.sensor_names import SENSORS
+from symbrion_gym._src.robot.scout_constants import SENSORS
 from symbrion_gym._src.tasks.terms import Termination
 
 RANDOM = {"friction": (0.5, 0.9), "yaw": (-0.1, 0.1), "track_speed": (0.08, 0.12)}
