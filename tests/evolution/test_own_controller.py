@@ -4,6 +4,7 @@ import json
 import sys
 from pathlib import Path
 
+import made_bodies
 import numpy as np
 import pytest
 from own_controllers import Hold, Wave
@@ -104,6 +105,20 @@ def test_what_a_record_or_worker_cannot_find_again_is_refused_at_once(tmp_path: 
         ev.EvolutionConfig(controller=lambda organism: Wave(organism), **TINY | {"generations": 1})
     )
     assert run.champion is not None
+
+
+def test_what_bodies_with_it_have_learned_is_read_where_it_is_allowed(tmp_path):
+    bodies = ev.BodiesConfig(algorithm="exhaustive", smallest=2, largest=3, children=20)
+    config = made_bodies.make_config(
+        controller=Wave, track_control="constant", bodies=bodies, folder=tmp_path / "run"
+    )
+    run = ev.evolve_bodies(config, simulate=made_bodies.simulate)
+    unknown, known = ev.load_bodies(tmp_path / "run"), ev.load_bodies(tmp_path / "run", ALLOW)
+    assert (unknown.results, unknown.champion) == ((), run.champion)
+    assert (known.results, known.champion) == (run.results, run.champion)
+    with pytest.raises(ev.RunError, match="was not allowed"):
+        ev.confirm(unknown, simulate=made_bodies.simulate)
+    assert ev.confirm(known, 3, simulate=made_bodies.simulate).champion.trials
 
 
 def test_its_own_mistakes_end_the_run_and_are_named():

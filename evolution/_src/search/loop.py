@@ -221,7 +221,9 @@ def confirm(
     """
     (candidates,) = as_integers("candidates", [candidates], 1, _MOST_CANDIDATES, RunError)
     if not run.results:
-        raise RunError("no body has learned yet; resume the run")
+        raise RunError(
+            "no body has learned yet, or a controller of yours was not allowed; resume the run, or read it with allow"
+        )
     config, record, rules = run.config, run.record, validation or Validation()
     chosen = list_candidates(run.results)[:candidates]
     folder = None if run.folder is None else RunFolder(run.folder)
