@@ -57,6 +57,7 @@ def test_wheel_holds_packages_and_assets_alone(wheel: Path) -> None:
     for arena in ("truth", "simple", "gsrm", "gg"):
         assert f"symbrion_gym/assets/arenas/{arena}/arena.json" in names
     assert "evolution/_src/report/page.html.j2" in names
+    assert "evolution/_src/experiments/paper.html.j2" in names
 
 
 def _normalize(requirement: str) -> str:

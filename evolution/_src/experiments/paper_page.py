@@ -34,7 +34,7 @@ from evolution._src.report.figures import (
     to_png,
     to_svg,
 )
-from evolution._src.report.page import TEMPLATES, inline_picture, inline_video, write_page
+from evolution._src.report.page import inline_picture, inline_video, make_templates, write_page
 from evolution._src.report.scene import Scene
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import UnreadableFileError, read_npz
@@ -87,7 +87,8 @@ def write_paper_page(folder: Path, is_quick: bool, seed: int, results: Mapping[s
     networks = {row["network"]: row for row in figures["networks"]}
     labels = {name: f"{row['triangles']:,} triangles" for name, row in networks.items()}
     champion = figures["evolution"]["champion"]
-    TEMPLATES.filters |= {
+    templates = make_templates(Path(__file__).parent)
+    templates.filters |= {
         "mm": format_mm,
         "cost": format_cost,
         "ratio": format_ratio,
@@ -124,7 +125,7 @@ def write_paper_page(folder: Path, is_quick: bool, seed: int, results: Mapping[s
         "paper_scans": PAPER_SCANS,
         "selection": describe_selection(champion["successes"], champion["trials"]),
     }
-    write_page(folder / "report.html", "paper.html.j2", context, has_scene=True)
+    write_page(folder / "report.html", templates.get_template("paper.html.j2"), context, has_scene=True)
 
 
 def _draw_figures(

@@ -14,14 +14,18 @@ from evolution._src.report.figures import compute_width, to_png
 from evolution._src.report.scene import Scene, get_plotly_script
 from reconstruction._src.base.atomic_write import write_atomically
 
-TEMPLATES = jinja2.Environment(
-    loader=jinja2.FileSystemLoader([Path(__file__).parent, Path(__file__).parents[1] / "experiments"]),
-    autoescape=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    undefined=jinja2.StrictUndefined,
-)
-TEMPLATES.filters["anchor"] = lambda title: re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+
+def make_templates(*folders: Path) -> jinja2.Environment:
+    """Return the templates of folders, which may extend the one of all pages."""
+    templates = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    templates.filters["anchor"] = lambda title: re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+    return templates
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,13 +113,13 @@ class Page:
             "footer": self.footer,
             "blocks": self._blocks,
         }
-        write_page(path, "page.html.j2", context, has_scene)
+        write_page(path, make_templates().get_template("page.html.j2"), context, has_scene)
 
 
-def write_page(path: Path, template: str, context: Mapping[str, Any], has_scene: bool) -> None:
+def write_page(path: Path, template: jinja2.Template, context: Mapping[str, Any], has_scene: bool) -> None:
     """Write a page from a template as one file, atomically."""
     program = get_plotly_script() if has_scene else ""
-    html = TEMPLATES.get_template(template).render(program=program, **context)
+    html = template.render(program=program, **context)
     with write_atomically(path) as beside:
         beside.write_text(html, encoding="utf-8", errors="backslashreplace")
 

@@ -58,10 +58,6 @@ def test_colors_of_a_scan_are_grays_below_other_layers() -> None:
     assert abs(compute_share(ground, 1) - compute_share(plain, 1)) < 0.05
 
 
-def test_equal_arenas_give_equal_pictures(truth: sg.Arena) -> None:
-    np.testing.assert_array_equal(draw(truth, "contact"), draw(truth, "contact"))
-
-
 def test_the_plan_has_coordinates_a_robot_and_a_way(truth: sg.Arena) -> None:
     route = truth.find_route()
     figures = [

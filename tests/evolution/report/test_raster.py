@@ -62,11 +62,6 @@ def test_neighbors_leave_no_gap() -> None:
         assert len(seen) == 0 or len(seen) == np.ptp(seen) + 1
 
 
-def test_nothing_is_an_empty_picture() -> None:
-    assert (rasterize(np.zeros((0, 3, 3)), ABOVE).face == -1).all()
-    assert (rasterize(make_square(0.5, 0.0) + 100.0, ABOVE).face == -1).all()
-
-
 def test_outlines_are_where_labels_change() -> None:
     labels = np.zeros((3, 4), dtype=np.int64)
     labels[:, 2:] = 1

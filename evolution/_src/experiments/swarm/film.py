@@ -55,22 +55,11 @@ def choose_moments(track: Track, crossing: tuple[float, float] | None) -> list[i
     return np.searchsorted(track.time, np.concatenate([fast, slow])).clip(0, len(track.time) - 1).tolist()
 
 
-COLORS = {
-    Mode.EXPLORE: "#9ecae1",
-    Mode.RETREAT: "#e377c2",
-    Mode.RECRUIT: "#d62728",
-    Mode.WAIT: "#d9d9d9",
-    Mode.LOCATE_BEACON: "#fdae6b",
-    Mode.ALIGN: "#fd8d3c",
-    Mode.DOCK: "#a63603",
-    Mode.LOCK: "#000000",
-    Mode.RECOVER: "#ffdd33",
-    Mode.IN_ORGANISM: "#31a354",
-    Mode.UNDOCK: "#756bb1",
-    Mode.LEAVE: "#3182bd",
-    Mode.REST: "#636363",
-}
-"""One color a behavior."""
+COLORS = (
+    "#9ecae1", "#e377c2", "#d62728", "#d9d9d9", "#fdae6b", "#fd8d3c", "#a63603", "#000000", "#ffdd33", "#31a354",
+    "#756bb1", "#3182bd", "#636363",
+)  # fmt: skip
+"""One color a behavior, in the order of `Mode`."""
 
 
 def draw_timeline(track: Track, field: Field, crossing: tuple[float, float] | None = None) -> Figure:
@@ -81,9 +70,7 @@ def draw_timeline(track: Track, field: Field, crossing: tuple[float, float] | No
     for robot, mode in enumerate(track.mode.T):
         starts = np.concatenate([[0], np.flatnonzero(np.diff(mode)) + 1, [len(mode) - 1]])
         spans = [(track.time[one], track.time[other] - track.time[one]) for one, other in pairwise(starts)]
-        bars.broken_barh(
-            spans, (robot - 0.4, 0.8), facecolors=[COLORS[Mode(mode[one])] for one in starts[:-1]]
-        )
+        bars.broken_barh(spans, (robot - 0.4, 0.8), facecolors=[COLORS[mode[one]] for one in starts[:-1]])
     bars.set_yticks(range(num_robots), [f"robot {robot}" for robot in range(num_robots)])
     bars.invert_yaxis()
     shown = [mode for mode in Mode if (track.mode == mode).any()]

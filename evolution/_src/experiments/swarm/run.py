@@ -48,23 +48,22 @@ def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[st
         The track of the story, and the figures of both.
     """
     claim_folder(config)
-    arena, results, path = (
-        sg.load_arena(config.story.arena),
-        _read_results(config),
-        config.folder / "track.npz",
-    )
+    arena, path = sg.load_arena(config.story.arena), config.folder / "track.npz"
+    results = _read(config.folder / RESULTS) or []
+    if not isinstance(results, list):
+        raise ev.RunError(f"{config.folder / RESULTS} holds no stories; remove it to tell them again")
     with steps("1/3 champion") as step:
         champion = find_champion(config, step.progress)
     baseline = replace(config.story, docks=False, gather_time=BASELINE_TIME)
-    for name, story in (("2/3 story", config.story), ("3/3 a swarm that may not dock", baseline)):
-        with steps(name) as step:
-            if len(results) > (not story.docks) and path.exists():
+    for index, story in enumerate((config.story, baseline)):
+        with steps(("2/3 story", "3/3 a swarm that may not dock")[index]) as step:
+            if index < len(results) and path.exists():
                 continue
             figures, track = tell_story(story, arena, champion, step.progress)
             if story.docks:
                 with write_atomically(path) as beside, beside.open("wb") as file:
                     np.savez_compressed(file, **track._asdict())
-            results = [*results[: not story.docks], figures]
+            results = [*results[:index], figures]
             _write(config, RESULTS, results)
     arrays = read_npz(path)
     if set(arrays) != set(Track._fields):
@@ -77,11 +76,7 @@ def claim_folder(config: SwarmRunConfig) -> None:
     refuse_foreign_files(config.folder, MARKER, OUTPUTS)
     marker = config.folder / MARKER
     about = {**asdict(config.story), "champion": None if config.champion is None else str(config.champion)}
-    try:
-        known = read_json(marker) if marker.is_file() else None
-    except JsonError as error:
-        raise ev.RunError(f"{marker} is damaged ({error}); name another folder, or remove it") from error
-    if known is not None and known != about:
+    if _read(marker) not in (None, about):
         raise ev.RunError(
             f"{config.folder} holds results of other options; name another folder, or remove it to begin again"
         )
@@ -117,15 +112,11 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
     return run.champion
 
 
-def _read_results(config: SwarmRunConfig) -> list[dict[str, Any]]:
-    path = config.folder / RESULTS
+def _read(path: Path) -> Any:
     try:
-        found = read_json(path) if path.is_file() else []
+        return read_json(path) if path.is_file() else None
     except JsonError as error:
-        raise ev.RunError(f"{path} is damaged ({error}); remove it to tell the stories again") from error
-    if not isinstance(found, list):
-        raise ev.RunError(f"{path} holds no stories; remove it to tell them again")
-    return found
+        raise ev.RunError(f"{path} is damaged ({error}); remove it, or name another folder") from error
 
 
 def _write(config: SwarmRunConfig, name: str, content: object) -> None:
