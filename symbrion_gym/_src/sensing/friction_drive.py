@@ -175,7 +175,7 @@ class SlipSensors:
         columns = zip(*ticks, strict=True) if ticks else [()] * len(Tick._fields)
         table = dict(zip(Tick._fields, map(np.array, columns), strict=True))
         vectors = {name: table[name].reshape(-1, 3) for name in ("position", "acceleration", "force")}
-        return SlipReadings(*(table | vectors).values(), self._mass)
+        return SlipReadings(*(table | vectors).values(), mass=self._mass)
 
 
 def _find_offset(time: float) -> float:

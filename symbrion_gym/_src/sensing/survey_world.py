@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -51,7 +52,7 @@ class SurveyWorld:
         spec = mujoco.MjSpec()
         bounds = np.asarray(surface.bounds, float)
         ground = bounds[0, 2]
-        look = {"contype": 0, "conaffinity": 0, "mass": 0}
+        look: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0}
         add_mesh(spec, spec.worldbody, "surface", surface, group=_SURFACE, **look)
         skirt = _make_skirt(surface, ground - _SKIRT_DEPTH)
         if skirt is not None:
