@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 import reconstruction as rc
 import symbrion_gym as sg
 from reconstruction._src.base.range_checks import format_distance, format_share
 
-if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.making import AccuracyReport
+
+def describe_accuracy(arena: sg.Arena) -> dict[str, Any]:
+    """Return the accuracy of an arena, wanted and reached, as its making has noted it; None for what is not finite."""
+    notes, reached = arena.provenance, arena.quality.mean
+    return {
+        "wanted": notes["accuracy"],
+        "reached": reached if math.isfinite(reached) else None,
+        "is_reached": notes["is_reached"],
+        "worst": notes["worst"]["place"],
+        "distance": notes["worst"]["distance"],
+        "warnings": notes["warnings"],
+    }
 
 
-def make_quality_rows(arena: sg.Arena, report: AccuracyReport) -> list[list[object]]:
+def make_quality_rows(arena: sg.Arena) -> list[list[object]]:
     """Return measure and value of what is known about the contact geometry of an arena."""
     quality, wanted_pieces = arena.quality, arena.provenance.get("options", {}).get("max_pieces")
     pieces = f"{quality.num_pieces}" + (f" of at most {wanted_pieces}" if wanted_pieces else "")
     rows: list[tuple[str, str | None]] = [
-        ("accuracy wanted", _distance(report.wanted)),
-        ("accuracy reached", f"{_distance(report.reached)}{'' if report.is_reached else ' (missed)'}"),
+        ("accuracy wanted", format_distance(arena.provenance["accuracy"])),
+        (
+            "accuracy reached",
+            format_distance(quality.mean) + ("" if arena.provenance["is_reached"] else " (missed)"),
+        ),
         ("surface to contact: 95 %", _distance(quality.p95)),
         ("surface to contact: largest", _distance(quality.max)),
         ("surface without contact", _share(quality.uncovered)),

@@ -27,7 +27,7 @@ from reconstruction._src.surfaces.primitives.find import Primitives
 from symbrion_gym._src.arenas.checks import check_friction, check_names
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.friction_map import FrictionMap, split_pieces
-from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects, check_objects
+from symbrion_gym._src.arenas.placed_objects import PlacedObject, check_objects
 from symbrion_gym._src.arenas.primitives import primitives_to_dict
 from symbrion_gym._src.arenas.saving import load_arena_folder, save_arena
 from symbrion_gym._src.arenas.spec import ArenaGeometry, make_arena_spec
@@ -168,8 +168,8 @@ class Arena:
 
     @property
     def geometry(self) -> ArenaGeometry:
-        """What has a shape: contact and surface."""
-        return ArenaGeometry(self.surface, self.pieces, self.height_field, self.texture, self.primitives)
+        """What models and files show."""
+        return ArenaGeometry(*(getattr(self, name) for name in ArenaGeometry._fields))
 
     @cached_property
     def _maps(self) -> dict[Footprint, TraversabilityMap]:
@@ -239,9 +239,7 @@ class Arena:
 
         Known objects are sites and, in group 1, geoms that touch nothing, each named `object_<name>_<i>`.
         """
-        spec = make_arena_spec(self.name, self.geometry, self.friction, friction_map=self.friction_map)
-        add_objects(spec, self.objects)
-        return spec
+        return make_arena_spec(self.geometry)
 
     def save(self, folder: str | Path) -> None:
         """Write the arena as a folder that MuJoCo's viewer opens (`arena.xml`).
@@ -269,7 +267,7 @@ class Arena:
             about["primitives"] = primitives_to_dict(self.primitives)
         if self.objects:
             about["objects"] = [each.as_dict() for each in self.objects]
-        save_arena(folder, self.name, self.geometry, self.friction, about, self.friction_map, self.objects)
+        save_arena(folder, self.geometry, about)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:
         """Write the arena as a folder that other simulators load without this package.
@@ -289,19 +287,12 @@ class Arena:
         """
         from symbrion_gym._src.arenas.export.export import export_arena
 
-        return export_arena(
-            folder,
-            self.geometry,
-            to,
-            max_vertices,
-            name=self.name,
-            friction=self.friction,
-            offset=self.offset,
-            quality=self.quality.as_dict(),
-            provenance=self.provenance,
-            friction_map=self.friction_map,
-            objects=self.objects,
-        )
+        about = {
+            "offset": list(self.offset),
+            "quality": self.quality.as_dict(),
+            "provenance": self.provenance,
+        }
+        return export_arena(folder, self.geometry, to, max_vertices, about)
 
     @classmethod
     def load(cls, folder: str | Path) -> Arena:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import logging
 from collections.abc import Callable
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -20,7 +21,8 @@ from reconstruction._src.base.cache import find_cache_folder
 from symbrion_gym._src.contact.kinds import Contact, ContactOptions, HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 
-_FORMAT = 10  # Raised whenever the way pieces are made or kept changes: old entries are then left alone
+_CODE = ("symbrion_gym/_src/contact", "reconstruction/_src/geometry", "reconstruction/_src/surfaces")
+"""Folders whose code shapes the pieces: entries that another version of it has made are left alone."""
 _LIBRARIES = ("coacd", "libigl", "mujoco", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 
 _logger = logging.getLogger(__name__)
@@ -35,8 +37,16 @@ def hash_arena(
     for array, kind in ((mesh.vertices, "<f8"), (mesh.faces, "<i8"), (two_sided, "?")):
         digest.update(repr(np.shape(array)).encode())
         digest.update(np.ascontiguousarray(array, dtype=kind).tobytes())
-    digest.update(json.dumps([_FORMAT, options.as_dict(), find_versions()], sort_keys=True).encode())
+    digest.update(json.dumps([_hash_code(), options.as_dict(), find_versions()], sort_keys=True).encode())
     return digest.hexdigest()[:32]
+
+
+@cache
+def _hash_code() -> str:
+    """Return the hash of the code that makes and keeps pieces."""
+    root = Path(__file__).parents[3]
+    paths = [Path(__file__), *sorted(path for folder in _CODE for path in (root / folder).rglob("*.py"))]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
 
 
 def find_versions() -> dict[str, str]:
@@ -60,8 +70,7 @@ def get_or_make(
     """Return the cached contact of a surface, or make it and keep it.
 
     Two processes that want one entry at the same time make it once: the second waits. An entry that cannot be
-    read is made again. A cache that cannot be written costs a warning, not the arena. What the time limit has cut
-    short is not kept.
+    read is made again. A cache that cannot be written costs a warning, not the arena.
     """
     folder = find_cache_folder("arenas") if folder is None else folder
     folder.mkdir(parents=True, exist_ok=True)
@@ -71,8 +80,6 @@ def get_or_make(
         if kept is not None:
             return kept
         contact = make()
-        if contact.notes.get("was_cut_short"):
-            return contact
         try:
             write_entry(path, contact)
         except OSError as error:

@@ -150,9 +150,7 @@ def split_pieces(pieces: list[trimesh.Trimesh], friction_map: FrictionMap) -> li
 
 def find_piece_patches(pieces: list[trimesh.Trimesh], friction_map: FrictionMap) -> list[int]:
     """Return the number of the patch that each of the pieces lies in; -1 outside of all."""
-    if not pieces:
-        return []
-    middles = np.array([np.asarray(piece.vertices).mean(axis=0) for piece in pieces])
+    middles = np.array([piece.vertices.mean(axis=0) for piece in pieces]).reshape(-1, 3)
     return friction_map.find_patches(middles).tolist()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -141,14 +141,15 @@ def make_arena(
         friction_map: patches with another friction; unless given those of the course or of the reconstruction.
         thickness: how far slabs reach below the lowest ground [m].
         seed: seed of coacd's search.
-        time_limit: emergency stop: no further way is tried then; the best so far is not cached [s].
+        time_limit: emergency stop of coacd, which decomposes closed bodies: no arena is made then [s].
         cache: whether to keep pieces in the user's cache, or the folder to keep them in.
         progress: called with what is being done and the share done.
 
     A surface with colors (a reconstruction of colored points, a mesh with colors) gives an arena with a texture.
 
     Raises:
-        ArenaError: the surface cannot be used, an option is out of range, or a reconstruction comes with a course.
+        ArenaError: the surface cannot be used, an option is out of range, a reconstruction comes with a course, or
+            coacd took longer than the time limit. Equal input gives equal arenas, however fast the machine is.
     """
     if course is not None and not isinstance(surface, trimesh.Trimesh | str | Path):
         raise ArenaError("course is the truth behind a scan, of which an arena knows nothing; leave it out")
@@ -287,35 +288,3 @@ def load_tiles(
     arena = make_arena(mesh, **{"name": Path(folder).resolve().name, **options})
     provenance = arena.provenance | {"offset": list(tiles.offset)}
     return replace(arena, provenance=provenance, offset=tiles.offset)
-
-
-@dataclass(frozen=True)
-class AccuracyReport:
-    """The accuracy of an arena, asked for and reached."""
-
-    # mean distance of contact from the surface that was asked for, or follows from the scan [m]; None:
-    # nothing was asked for, as of a course made in code
-    wanted: float | None
-    reached: float  # the mean distance [m]
-    is_reached: bool  # whether the arena is as accurate as wanted, all over, and within the number of pieces
-    # (x, y, z) of the point of the surface with the largest distance [m]; None where that is not noted
-    worst: tuple[float, float, float] | None
-    distance: float | None  # its distance from contact [m]
-    # what a user should know, one line each; that of a missed accuracy names the worst place and a remedy
-    warnings: tuple[str, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields, for JSON: None for what is not finite."""
-        return asdict(self) | {"reached": self.reached if np.isfinite(self.reached) else None}
-
-
-def report_accuracy(arena: Arena) -> AccuracyReport:
-    """Return what the making of an arena has noted about its accuracy."""
-    notes, reached = arena.provenance, arena.quality.mean
-    wanted = notes.get("accuracy")
-    is_reached = bool(notes.get("is_reached", wanted is None or reached <= wanted))
-    worst: dict[str, Any] = notes.get("worst") or {}
-    place = worst.get("place")
-    worst_place = None if place is None else (place[0], place[1], place[2])
-    warnings = tuple(notes.get("warnings", ()))
-    return AccuracyReport(wanted, reached, is_reached, worst_place, worst.get("distance"), warnings)

@@ -7,7 +7,6 @@ and `arena.json` after them, and what it no longer names is removed last.
 
 from __future__ import annotations
 
-import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +30,7 @@ from symbrion_gym._src.arenas.owned_files import (
     write_file,
     write_json,
 )
-from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects, read_objects
+from symbrion_gym._src.arenas.placed_objects import read_objects
 from symbrion_gym._src.arenas.primitives import primitives_from_dict
 from symbrion_gym._src.arenas.spec import ArenaGeometry, make_arena_spec
 from symbrion_gym._src.arenas.surface_file import format_obj, load_obj
@@ -40,7 +39,6 @@ from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
-logger = logging.getLogger(__name__)
 FORMAT = 1
 ABOUT, MODEL = "arena.json", "arena.xml"
 PLAIN, SPARE = "", ".arena/"
@@ -59,27 +57,16 @@ class OwnFiles(NamedTuple):
     names: frozenset[str]  # its files, relative to the folder; the others are somebody else's
 
 
-def save_arena(
-    folder: str | Path,
-    name: str,
-    geometry: ArenaGeometry,
-    friction: float,
-    about: dict[str, Any],
-    friction_map: FrictionMap | None,
-    objects: tuple[PlacedObject, ...],
-) -> None:
+def save_arena(folder: str | Path, geometry: ArenaGeometry, about: dict[str, Any]) -> None:
     """Write an arena as a folder; of what is there, only the files of a former arena are replaced."""
     folder = Path(folder)
     meshes, about = _format_meshes(geometry), {"format": FORMAT, **about}
-    spec = make_arena_spec(name, geometry, friction, friction_map, use_files=True)
-    add_objects(spec, objects)
+    spec = make_arena_spec(geometry, use_files=True)
     spec.assets = meshes
     spec.compile()
     model = spec.to_xml()
     models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
     own = find_own_files(folder)
-    if not objects and count_objects(folder):
-        logger.warning("%s: its %d known objects are replaced by none", folder, count_objects(folder))
     wanted = {f"{place}{name}" for place in (SPARE, PLAIN) for name in meshes} | {MODEL, ABOUT}
     _OWNER.refuse_foreign(folder, wanted, own.names)
     _drop_stale_model(folder, own.place)
@@ -102,12 +89,6 @@ def find_own_files(folder: Path) -> OwnFiles:
     spare = {path.relative_to(folder).as_posix() for path in paths}
     own = {name for name in spare if _OWNER.pattern.fullmatch(name)}
     return OwnFiles(SPARE if about.get("place") == SPARE else PLAIN, _OWNER.list_files(about) | own)
-
-
-def count_objects(folder: Path) -> int:
-    """Return how many known objects the arena in a folder has; 0 where there is none."""
-    objects = _OWNER.read_manifest(folder, ignored=SPARE).get("objects", [])
-    return len(objects) if isinstance(objects, list) else 0
 
 
 def _drop_stale_model(folder: Path, place: str) -> None:
@@ -161,9 +142,7 @@ class _Description:
             raise ArenaError(
                 f"num_pieces is {self.num_pieces} and kind {self.kind!r}; a height field alone has no pieces"
             )
-        for index in range(
-            self.num_pieces + 1 if self.place == PLAIN else 0
-        ):  # else files of two arenas are listed
+        for index in range(self.num_pieces + 1 if self.place == PLAIN else 0):  # else two arenas are listed
             name, is_wanted = f"pieces/{index:03d}.obj", index < self.num_pieces
             if (name in self.files) != is_wanted:
                 how = "not listed" if is_wanted else "listed"

@@ -12,20 +12,24 @@ from jaxtyping import Float
 from reconstruction._src.geometry.halfspaces import Box, find_box
 from reconstruction._src.surfaces.primitives.find import Primitives
 from symbrion_gym._src.arenas.friction_map import FrictionMap, find_piece_patches
+from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects
 from symbrion_gym._src.arenas.primitives import add_mesh, add_mixed_surface, add_primitive, find_solids
 from symbrion_gym._src.arenas.texture import SurfaceTexture, add_texture
 from symbrion_gym._src.contact.kinds import HeightField
 
 
 class ArenaGeometry(NamedTuple):
-    """The shapes of an arena."""
+    """What of an arena models and files show; see the fields of `Arena`."""
 
-    surface: trimesh.Trimesh  # the exact surface, for rays and pictures
-    pieces: list[trimesh.Trimesh]  # convex solids, for contact
-    height_field: HeightField | None  # in place of pieces, for the kind "hfield"
-    texture: SurfaceTexture | None = None  # colors of the surface; None where they are unknown
-    # in place of triangles, for the kind "mixed"; the solid ones are the last pieces
-    primitives: Primitives | None = None
+    name: str
+    surface: trimesh.Trimesh
+    pieces: list[trimesh.Trimesh]
+    height_field: HeightField | None
+    texture: SurfaceTexture | None
+    primitives: Primitives | None
+    friction: float
+    friction_map: FrictionMap | None
+    objects: tuple[PlacedObject, ...]
 
 
 SURFACE_GROUP = 2  # Geom group of the exact surface: drawn, hit by rays, touched by nothing
@@ -40,20 +44,14 @@ _LEAST_RISE = 1e-3  # MuJoCo wants a height field with some height [m]
 _FIELD_BASE = 0.2  # How far a height field reaches below its lowest point [m]
 
 
-def make_arena_spec(
-    name: str,
-    geometry: ArenaGeometry,
-    friction: float,
-    friction_map: FrictionMap | None = None,
-    use_files: bool = False,
-) -> mujoco.MjSpec:
+def make_arena_spec(geometry: ArenaGeometry, use_files: bool = False) -> mujoco.MjSpec:
     """Return a spec with an arena and lights, nothing else.
 
     Physics options are left to the caller: `implicitfast`, the Newton solver, a dense Jacobian and a step of 5 ms
     are what the arenas were measured with.
     """
     spec = mujoco.MjSpec()
-    spec.modelname = f"arena {name}"
+    spec.modelname = f"arena {geometry.name}"
     spec.compiler.degree = False
     for x in (-2.0, 2.0):  # from the side; the near one casts shadows
         spec.worldbody.add_light(
@@ -64,7 +62,8 @@ def make_arena_spec(
             type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
             castshadow=x < 0,
         )
-    solids, primitives = make_solids(geometry.pieces, friction_map), find_solids(geometry.primitives)
+    solids, primitives = make_solids(geometry), find_solids(geometry.primitives)
+    friction = geometry.friction
     add_solids(spec, spec.worldbody, solids[: len(solids) - len(primitives)], friction, use_files)
     colors = make_piece_colors(len(solids))
     for i, one in enumerate(primitives, len(solids) - len(primitives)):
@@ -74,11 +73,12 @@ def make_arena_spec(
         add_height_field(spec, spec.worldbody, geometry.height_field, friction)
     if geometry.primitives is not None:
         add_mixed_surface(spec, geometry.surface, geometry.primitives, SURFACE_LOOK)
-        return spec
-    file = "surface.obj" if use_files else ""
-    surface = add_mesh(spec, spec.worldbody, "arena_surface", geometry.surface, file, **SURFACE_LOOK)
-    if geometry.texture is not None:
-        add_texture(spec, surface, geometry.texture, use_files)
+    else:
+        file = "surface.obj" if use_files else ""
+        surface = add_mesh(spec, spec.worldbody, "arena_surface", geometry.surface, file, **SURFACE_LOOK)
+        if geometry.texture is not None:
+            add_texture(spec, surface, geometry.texture, use_files)
+    add_objects(spec, geometry.objects)
     return spec
 
 
@@ -87,26 +87,19 @@ class Solid(NamedTuple):
 
     name: str  # unique, a valid name in all formats
     mesh: trimesh.Trimesh  # its corners and triangles
-    box: (
-        Box | None
-    )  # the box that it is, where it is one: contacts are several times faster than those of a mesh
+    box: Box | None  # that it is, where it is one: contacts are several times faster than those of a mesh
     friction: float | None  # sliding friction of the patch that it lies in; None outside of all
 
 
-def make_solids(
-    pieces: list[trimesh.Trimesh], friction_map: FrictionMap | None, digits: int = 1
-) -> list[Solid]:
+def make_solids(geometry: ArenaGeometry, digits: int = 1) -> list[Solid]:
     """Return pieces as solids, whose numbers have at least some digits."""
-    patches = [] if friction_map is None else friction_map.patches
-    numbers = find_piece_patches(pieces, friction_map) if friction_map is not None else [-1] * len(pieces)
+    frictions: list[float | None] = [None] * len(geometry.pieces)
+    if geometry.friction_map is not None:
+        values = [*(patch.friction for patch in geometry.friction_map.patches), None]
+        frictions = [values[number] for number in find_piece_patches(geometry.pieces, geometry.friction_map)]
     return [
-        Solid(
-            f"arena_piece_{i:0{digits}d}",
-            piece,
-            find_box(piece),
-            None if number < 0 else patches[number].friction,
-        )
-        for i, (piece, number) in enumerate(zip(pieces, numbers, strict=True))
+        Solid(f"arena_piece_{i:0{digits}d}", piece, find_box(piece), friction)
+        for i, (piece, friction) in enumerate(zip(geometry.pieces, frictions, strict=True))
     ]
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
@@ -30,32 +30,24 @@ _MAX_SIZE = 2048  # Edge of the picture [texel], a power of two; texels grow unt
 _MAX_CELL = 512  # Edge of the cell of the largest triangles [texel], a power of two
 
 
-class Cells(NamedTuple):
-    """Cells of one size, each with two triangles."""
-
-    size: int  # edge [texel]
-    corner: Int[np.ndarray, "C 2"]  # column and row of the upper left texel
-    faces: Int[np.ndarray, "C 2"]  # triangle in the upper left and in the lower right half; -1 for none
-
-
 class Atlas(NamedTuple):
-    """A layout of triangles."""
+    """A layout of triangles, two of a size in each square cell."""
 
     width: int  # of the picture [texel]
     height: int  # of the picture [texel]
     order: Int[np.ndarray, "F 3"]  # for each face its corners, that of the right angle in the cell first
-    cells: list[Cells]  # by size, largest first
+    size: Int[np.ndarray, " F"]  # edge of its cell [texel]
+    corner: Int[np.ndarray, "F 2"]  # column and row of the upper left texel of its cell
+    is_lower: Bool[np.ndarray, " F"]  # whether it fills the lower right half, turned by 180 degrees
 
     def compute_uv(self) -> Float[np.ndarray, "F 3 2"]:
         """Return column and row of the corners of every face, from 0 at the left and at the bottom to 1."""
-        uv = np.zeros((len(self.order), 3, 2))
-        for cells in self.cells:
-            for half, places in enumerate(_find_corners(cells.size)):
-                chosen = cells.faces[:, half]
-                rows = np.flatnonzero(chosen >= 0)
-                at = cells.corner[rows, None] + places
-                at = np.stack([at[..., 0] / self.width, 1.0 - at[..., 1] / self.height], axis=-1)
-                uv[chosen[rows, None], self.order[chosen[rows]]] = at
+        size = self.size[:, None, None]
+        place = 1 + (size - _RIM) * np.array([[0, 0], [1, 0], [0, 1]])
+        at = self.corner[:, None] + np.where(self.is_lower[:, None, None], size - place, place)
+        at = np.stack([at[..., 0] / self.width, 1.0 - at[..., 1] / self.height], axis=-1)
+        uv = np.zeros_like(at)
+        np.put_along_axis(uv, self.order[..., None], at, axis=1)
         return uv
 
 
@@ -73,18 +65,17 @@ def make_atlas(triangles: Float[np.ndarray, "F 3 3"], texel: float) -> Atlas:
     while _count_blocks(sizes) * _BLOCK**2 > _MAX_SIZE**2 and (sizes > _BLOCK).any():
         texel *= _GROWTH
         sizes = _choose_sizes(legs, texel)
+    corner, is_lower, used = np.zeros((len(sizes), 2), int), np.zeros(len(sizes), bool), 0
+    for size in np.unique(sizes)[::-1]:
+        faces, step = rank[sizes[rank] == size], (size // _BLOCK) ** 2
+        cell, is_lower[faces] = np.divmod(np.arange(len(faces)), 2)
+        corner[faces] = _BLOCK * _decode(used + step * cell)
+        used += step * (cell[-1] + 1)
     side = _BLOCK
-    while side**2 < _count_blocks(sizes) * _BLOCK**2:
+    while side**2 < used * _BLOCK**2:
         side *= 2
-    is_half = 2 * _count_blocks(sizes) * _BLOCK**2 <= side**2
-    cells, used = [], 0
-    for size in sorted(set(sizes.tolist()), reverse=True):
-        faces = rank[sizes[rank] == size]
-        pairs = np.append(faces, np.full(len(faces) % 2, -1)).reshape(-1, 2)
-        step = (size // _BLOCK) ** 2
-        cells.append(Cells(size, _BLOCK * _decode(used + step * np.arange(len(pairs))), pairs))
-        used += step * len(pairs)
-    return Atlas(side, side // 2 if is_half and side > _BLOCK else side, order, cells)
+    is_half = 2 * used * _BLOCK**2 <= side**2 and side > _BLOCK
+    return Atlas(side, side // 2 if is_half else side, order, sizes, corner, is_lower)
 
 
 def iterate_texels(
@@ -94,19 +85,18 @@ def iterate_texels(
 
     Texels beside a triangle show its plane, so that filters find the color of what goes on there.
     """
-    for cells in atlas.cells:
-        grid = np.stack(np.meshgrid(np.arange(cells.size), np.arange(cells.size)), axis=-1).reshape(-1, 2)
-        is_lower = grid.sum(axis=1) >= cells.size
-        weights = _compute_weights(cells.size, grid[:, 0] + 0.5, grid[:, 1] + 0.5, is_lower)
-        most = max(1, _MOST_TEXELS // len(grid))
-        for start in range(0, len(cells.faces), most):
-            pairs = cells.faces[start : start + most]
-            second = np.where(pairs[:, 1] < 0, pairs[:, 0], pairs[:, 1])  # an empty half is never shown
-            faces = np.where(is_lower, second[:, None], pairs[:, :1])
-            corners = np.take_along_axis(triangles, atlas.order[..., None], axis=1)[faces]
-            places = np.einsum("tk,ctki->cti", weights, corners)
-            at = cells.corner[start : start + most, None] + grid
-            yield at.reshape(-1, 2), faces.ravel(), places.reshape(-1, 3)
+    for size in np.unique(atlas.size):
+        grid = np.stack(np.meshgrid(np.arange(size), np.arange(size)), axis=-1).reshape(-1, 2)
+        second, third = (grid.T - 0.5) / (size - _RIM)
+        weights = np.stack([1.0 - second - third, second, third], axis=-1)
+        every, most = np.flatnonzero(atlas.size == size), max(1, _MOST_TEXELS // len(grid))
+        for faces in np.split(every, np.arange(most, len(every), most)):
+            turned = atlas.is_lower[faces, None]
+            is_own = grid.sum(axis=1) < size - turned  # the upper half has the diagonal
+            corners = np.take_along_axis(triangles[faces], atlas.order[faces, :, None], axis=1)
+            places = np.einsum("tk,fki->fti", weights, corners)
+            at = atlas.corner[faces, None] + np.where(turned[..., None], size - 1 - grid, grid)
+            yield at[is_own], np.repeat(faces, is_own.sum(axis=1)), places[is_own]
 
 
 def _choose_sizes(legs: Float[np.ndarray, " F"], texel: float) -> Int[np.ndarray, " F"]:
@@ -117,22 +107,6 @@ def _choose_sizes(legs: Float[np.ndarray, " F"], texel: float) -> Int[np.ndarray
 def _count_blocks(sizes: Int[np.ndarray, " F"]) -> int:
     different, counts = np.unique(sizes, return_counts=True)
     return int((((different // _BLOCK) ** 2) * -(-counts // 2)).sum())
-
-
-def _find_corners(size: int) -> Int[np.ndarray, "2 3 2"]:
-    """Return column and row of the corners of both triangles in a cell; the right angle first."""
-    far, near = size - _RIM + 1, _RIM - 1
-    return np.array(
-        [[(1, 1), (far, 1), (1, far)], [(size - 1, size - 1), (near, size - 1), (size - 1, near)]]
-    )
-
-
-def _compute_weights(size: int, x: np.ndarray, y: np.ndarray, is_lower: np.ndarray) -> np.ndarray:
-    """Return the barycentric coordinates of places in a cell, in the upper left or the lower right triangle."""
-    legs = size - _RIM
-    second = np.where(is_lower, size - 1 - x, x - 1) / legs
-    third = np.where(is_lower, size - 1 - y, y - 1) / legs
-    return np.stack([1.0 - second - third, second, third], axis=-1)
 
 
 def _decode(codes: Int[np.ndarray, " C"]) -> Int[np.ndarray, "C 2"]:

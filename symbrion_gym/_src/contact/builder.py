@@ -19,7 +19,7 @@ from reconstruction._src.base.range_checks import format_distance
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.surfaces.intersections import find_intersections
 from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
-from symbrion_gym._src.contact.coacd import decompose
+from symbrion_gym._src.contact.coacd import OutOfTimeError, decompose
 from symbrion_gym._src.contact.distances import SurfaceDistance, find_nearest
 from symbrion_gym._src.contact.kinds import (
     ACCEPTANCE_P95,
@@ -94,12 +94,7 @@ class ContactProblem:
         self.distance, self.ground = SurfaceDistance(surface), Elevation(surface)
         self.shape: Shape = find_shape(surface, self.ground)
         self._is_two_sided = is_two_sided
-        self._start = time.perf_counter()
-
-    @property
-    def time_left(self) -> float:
-        """Time until the emergency stop, not below 0 [s]."""
-        return max(self._start + self.options.time_limit - time.perf_counter(), 0.0)
+        self.start = time.perf_counter()
 
     @cached_property
     def top(self) -> trimesh.Trimesh:
@@ -120,7 +115,7 @@ class ContactProblem:
 
     def measure(self, contact: list[trimesh.Trimesh] | HeightField, way: str, **notes: Any) -> Contact:
         """Return contact geometry with its distances from the surface."""
-        quality = self.distance.measure(contact, time.perf_counter() - self._start)
+        quality = self.distance.measure(contact, time.perf_counter() - self.start)
         if isinstance(contact, HeightField):
             return Contact([], quality, contact, {"way": way, **notes})
         return Contact(contact, quality, None, {"way": way, **notes})
@@ -149,15 +144,14 @@ def make_contact(
     passes = special.get(
         options.kind, (fit_slabs, fit_patches, *field, decompose_body, mend_seams, fit_boxes)
     )
-    best, record, was_cut_short = None, [], False
+    best, record = None, []
     for number, make in enumerate(passes):
-        if best is not None and not problem.time_left:
-            was_cut_short = True
-            break
         name = make.__name__.replace("_", " ")
         progress(name, 0.05 + 0.9 * number / len(passes))
         try:
             candidate = make(problem, best)
+        except OutOfTimeError:
+            raise  # another candidate in its place would depend on the speed of the machine
         except ArenaError as reason:
             record.append({"pass": name, "result": str(reason)})
             continue
@@ -173,7 +167,7 @@ def make_contact(
         raise ArenaError(
             f"no contact geometry can be made of this surface: it has no face that a robot could touch{reasons}"
         )
-    return _add_notes(problem, best, record, was_cut_short)
+    return _add_notes(problem, best, record)
 
 
 def fit_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
@@ -279,7 +273,7 @@ def decompose_body(problem: ContactProblem, best: Contact | None) -> Contact | N
         return None
     if len(find_intersections(np.asarray(solid.vertices), np.asarray(solid.faces))):
         raise ArenaError("the solid runs through itself: coacd might never end")
-    return problem.measure(decompose(solid, problem.options.seed, problem.time_left), "coacd")
+    return problem.measure(decompose(solid, problem.options.seed, problem.options.time_limit), "coacd")
 
 
 def mend_seams(problem: ContactProblem, best: Contact | None) -> Contact | None:
@@ -341,7 +335,7 @@ def find_fault(best: Contact | None, candidate: Contact, accuracy: float, max_pi
     return ""
 
 
-def _add_notes(problem: ContactProblem, contact: Contact, record: list, was_cut_short: bool) -> Contact:
+def _add_notes(problem: ContactProblem, contact: Contact, record: list) -> Contact:
     """Return contact geometry with what a user should know of it, and the time that it has taken."""
     options, quality, count = problem.options, contact.quality, len(contact.pieces)
     is_reached = problem.compute_miss(contact) <= 1.0
@@ -349,11 +343,6 @@ def _add_notes(problem: ContactProblem, contact: Contact, record: list, was_cut_
     place, distance = [round(float(x), 3) for x in found[0]], found[1]
     notes: dict[str, Any] = {"accuracy": problem.accuracy, "shape": problem.shape, "is_reached": is_reached}
     notes |= {"passes": record, "worst": {"place": place, "distance": distance}, "warnings": []}
-    if was_cut_short:
-        notes["was_cut_short"] = True
-        notes["warnings"].append(
-            f"building ended at the time limit of {options.time_limit:g} s with the best so far; allow more time"
-        )
     if not is_reached:
         remedy = "ask for less accuracy"
         if options.kind in ("hfield", "prisms"):
@@ -368,5 +357,5 @@ def _add_notes(problem: ContactProblem, contact: Contact, record: list, was_cut_
             f"{quality.uncovered:.1%} of the surface has no contact within 5 cm; worst {format_distance(distance)} at "
             f"({', '.join(f'{x:.2f}' for x in place)}); {remedy}"
         )
-    quality = replace(quality, seconds=options.time_limit - problem.time_left)
+    quality = replace(quality, seconds=time.perf_counter() - problem.start)
     return replace(contact, quality=quality, notes={**contact.notes, **notes})

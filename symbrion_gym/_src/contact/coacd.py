@@ -33,6 +33,10 @@ _LONGEST = 1e6  # A process can be waited for this long; longer limits are none 
 _WORKER = Path(__file__).with_name("coacd_worker.py")
 
 
+class OutOfTimeError(ArenaError):
+    """coacd ran longer than it may."""
+
+
 def decompose(solid: trimesh.Trimesh, seed: int, time_limit: float) -> list[trimesh.Trimesh]:
     """Decompose a closed solid into convex pieces.
 
@@ -54,8 +58,8 @@ def decompose(solid: trimesh.Trimesh, seed: int, time_limit: float) -> list[trim
                 command, capture_output=True, timeout=min(time_limit, _LONGEST), check=False
             )
         except subprocess.TimeoutExpired as error:
-            raise ArenaError(
-                f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; allow more time"
+            raise OutOfTimeError(
+                f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; raise time_limit"
             ) from error
         if done.returncode or not target.is_file():
             last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]

@@ -45,7 +45,7 @@ class ContactOptions:
     kind: str = "auto"  # one of `CONTACT_CHOICES`
     thickness: float = 0.2  # how far slabs reach below the lowest ground [m]
     seed: int = 0  # seed of coacd's search
-    time_limit: float = 300.0  # emergency stop: nothing more is tried then [s]
+    time_limit: float = 300.0  # coacd may run so long; beyond it, making is refused [s]
 
     def __post_init__(self) -> None:
         if self.kind not in CONTACT_CHOICES:

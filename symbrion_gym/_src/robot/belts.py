@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from math import isfinite
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import least_squares
 
-from reconstruction._src.base.range_checks import check_counts, check_positive
+from reconstruction._src.base.range_checks import check_choice, check_counts, check_positive
 from reconstruction._src.geometry.pose import make_quarter_turn
 from symbrion_gym._src.errors import OrganismError
 
@@ -136,21 +136,15 @@ class TracksConfig:
         positive = "length gauge width height mass friction motor_mass gain max_force"
         check_positive(self, positive.split(), OrganismError)
         check_counts(self, ("num_wheels",), OrganismError)
-        for is_wrong, what in (
-            (self.num_wheels < 2, f"num_wheels is {self.num_wheels}; a side needs 2 or more"),
-            (
-                self.length <= self.height,
-                f"a belt is longer than its height of {self.height} m: raise length",
-            ),
-            (self.gauge < self.width, f"belts {self.width} m wide overlap at {self.gauge} m: raise gauge"),
-            (self.model not in BELT_MODELS, f"model is {self.model!r}; there are: {', '.join(BELT_MODELS)}"),
-            (
-                len(self.position) != 3 or not all(isfinite(value) for value in self.position),
-                f"position is {self.position!r}; three finite coordinates are needed [m]",
-            ),
-        ):
-            if is_wrong:
-                raise OrganismError(what)
+        check_choice("model", self.model, BELT_MODELS, OrganismError)
+        if self.num_wheels < 2:
+            raise OrganismError(f"num_wheels is {self.num_wheels}; a side needs 2 or more")
+        if self.length <= self.height:
+            raise OrganismError(f"a belt is longer than its height of {self.height} m: raise length")
+        if self.gauge < self.width:
+            raise OrganismError(f"belts {self.width} m wide overlap at {self.gauge} m: raise gauge")
+        if len(self.position) != 3 or not all(isfinite(value) for value in self.position):
+            raise OrganismError(f"position is {self.position!r}; three finite coordinates are needed [m]")
 
     @property
     def stations(self) -> Float[np.ndarray, " S"]:
@@ -190,10 +184,10 @@ class Tracks:
                 )
             name = f"{self.prefix}belt_{side}"
             if self.config.model == "wheels":
-                data.ctrl[_find_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)] = speed
+                data.ctrl[_find_id(model.actuator, name)] = speed
                 continue
             for i in range(_PARTS):
-                geom = _find_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{name}_{i}")
+                geom = _find_id(model.geom, f"{name}_{i}")
                 model.geom_surfacevel[geom] = _compute_belt_velocity(self.config, speed, is_end=i < 2)
 
     def turning_rate(self, left: float, right: float, others: Sequence[Tracks] = ()) -> float:
@@ -210,13 +204,12 @@ class Tracks:
         return compute_sliding_rate(Contacts(points, belts, owner, np.zeros((1, 2)), np.ones(1)), gain)
 
 
-def _find_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
-    found = mujoco.mj_name2id(model, kind, name)
-    if found < 0:
-        raise OrganismError(
-            f"the model has no {name!r}; after spec.attach(..., prefix) use tracks.renamed(prefix)"
-        )
-    return found
+def _find_id(find: Callable[[str], Any], name: str) -> int:
+    try:
+        return find(name).id
+    except KeyError as error:
+        remedy = "after spec.attach(..., prefix) use tracks.renamed(prefix)"
+        raise OrganismError(f"the model has no {name!r}; {remedy}") from error
 
 
 def _compute_belt_velocity(config: TracksConfig, speed: float, is_end: bool) -> tuple[float, ...]:

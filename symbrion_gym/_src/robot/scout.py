@@ -64,13 +64,8 @@ def add_arm(
     _add_site(frame, body, f"{prefix}dock_front", dock, _MARKER_SIZE)
 
 
-def make_scout(config: ScoutConfig | None = None, is_hinged: bool = True) -> mujoco.MjSpec:
-    """Return one module alone, on a free joint, with its joints and servos.
-
-    Args:
-        config: constants; None for the defaults.
-        is_hinged: whether the arm moves; else it is part of the chassis.
-    """
+def make_scout(config: ScoutConfig | None = None) -> mujoco.MjSpec:
+    """Return one module alone, on a free joint, with its joints and servos."""
     config = config or ScoutConfig()
     spec = mujoco.MjSpec()
     spec.modelname = "scout"
@@ -78,10 +73,8 @@ def make_scout(config: ScoutConfig | None = None, is_hinged: bool = True) -> muj
     body = spec.worldbody.add_body(name="scout")
     body.add_freejoint(name="root")
     add_chassis(spec, body, "module_0_", PlanarPose(), config)
-    arm = body
-    if is_hinged:
-        arm = body.add_body(name="arm")
-        add_joints(spec, arm, 0, PlanarPose(), config, lifts=True)
+    arm = body.add_body(name="arm")
+    add_joints(spec, arm, 0, PlanarPose(), config, lifts=True)
     add_arm(spec, arm, "module_0_", PlanarPose(), config)
     return spec
 
@@ -228,23 +221,12 @@ def _add_look(
     for color, parts in solids.items():
         name = f"scout_{part}_{color}"
         if spec.mesh(name) is None:
-            mesh = trimesh.util.concatenate(parts)
-            spec.add_mesh(
-                name=name,
-                uservert=np.asarray(mesh.vertices, dtype=np.float64).ravel(),
-                userface=np.asarray(mesh.faces, dtype=np.int32).ravel(),
-                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-            )
-        geom = body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=name,
-            material=_UNSEEN,
-            mass=0,
-            group=VISUAL_GROUP,
-            contype=0,
-            conaffinity=0,
-            rgba=_COLORS[color],
-        )
+            mesh, shell = trimesh.util.concatenate(parts), mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            shape = {"uservert": mesh.vertices.ravel(), "userface": mesh.faces.astype(np.int32).ravel()}
+            spec.add_mesh(name=name, inertia=shell, **shape)
+        kind, look = mujoco.mjtGeom.mjGEOM_MESH, {"group": VISUAL_GROUP, "contype": 0, "conaffinity": 0}
+        color = _COLORS[color]
+        geom = body.add_geom(type=kind, meshname=name, material=_UNSEEN, mass=0, rgba=color, **look)
         geom.set_frame(frame)
 
 

@@ -173,11 +173,9 @@ class SlipSensors:
     def collect(self, ticks: Sequence[Tick]) -> SlipReadings:
         """Return the ticks of all runs."""
         columns = zip(*ticks, strict=True) if ticks else [()] * len(Tick._fields)
-        times, runs, positions, headings, pitches, commanded, accelerations, forces = map(np.array, columns)
-        vectors = (each.reshape(-1, 3) for each in (positions, accelerations, forces))
-        positions, accelerations, forces = vectors
-        scalars = (headings, pitches, commanded)
-        return SlipReadings(times, runs, positions, *scalars, accelerations, forces, self._mass)
+        table = dict(zip(Tick._fields, map(np.array, columns), strict=True))
+        vectors = {name: table[name].reshape(-1, 3) for name in ("position", "acceleration", "force")}
+        return SlipReadings(*(table | vectors).values(), mass=self._mass)
 
 
 def _find_offset(time: float) -> float:
@@ -228,14 +226,19 @@ class _Simulation:
             offset = _find_offset(time)
             specific, pull = self._advance(-_SPEED, offset, turn)
             time += _TICK
-            tick = sensors.read(self._find_tick(time, run, offset - _SPEED, specific, pull))
+            position = self.data.site_xpos[self._site].copy()
+            ahead = self.data.site_xmat[self._site].reshape(3, 3)[:, 0]
+            heading, pitch = float(np.arctan2(*ahead[1::-1])), float(np.arcsin(np.clip(ahead[2], -1.0, 1.0)))
+            exact = Tick(time, run, position, heading, pitch, offset - _SPEED, specific, pull)
+            tick = sensors.read(exact)
             ticks.append(tick)
             away = tick.position[:2] - lane.start
             bend = float(np.sin(tick.heading + np.pi - course))
             turn = -_STEERING[0] * float(away @ left) - _STEERING[1] * bend
             if away @ direction > farthest + _ADVANCE:
                 farthest, since = float(away @ direction), time
-            if self._has_fallen():
+            ground = float(self.arena.height(*position[:2]))
+            if not position[2] > ground - _FALLEN + self._height:
                 break
         return ticks
 
@@ -270,20 +273,3 @@ class _Simulation:
             front, rear, dock = (self.data.sensordata[a : a + 3] for a in self._addresses)
             total += np.concatenate([(front + rear) / 2, dock])
         return total[:3] / count, total[3:] / count
-
-    def _find_tick(
-        self,
-        time: float,
-        run: int,
-        commanded: float,
-        specific: Float[np.ndarray, " 3"],
-        pull: Float[np.ndarray, " 3"],
-    ) -> Tick:
-        ahead = self.data.site_xmat[self._site].reshape(3, 3)[:, 0]
-        heading, pitch = float(np.arctan2(ahead[1], ahead[0])), float(np.arcsin(np.clip(ahead[2], -1.0, 1.0)))
-        position = self.data.site_xpos[self._site].copy()
-        return Tick(time, run, position, heading, pitch, commanded, specific, pull)
-
-    def _has_fallen(self) -> bool:
-        x, y, z = self.data.site_xpos[self._site]
-        return not z > float(self.arena.height(x, y)) - _FALLEN + self._height

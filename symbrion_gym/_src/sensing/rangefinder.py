@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from copy import copy
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -16,6 +16,7 @@ from symbrion_gym._src.arenas.spec import CONTACT_GROUP
 from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, expose, round_to_pixels
+from symbrion_gym._src.sensing.survey_world import cast_rays
 
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
@@ -61,12 +62,12 @@ class RangeFinder:
         """
         if CONTACT_GROUP in set(groups):
             raise SurveyError(f"geom group {CONTACT_GROUP} holds contact shapes, which are not the surface")
-        self.site = _find_id(model, mujoco.mjtObj.mjOBJ_SITE, site)
+        self.site = _find_id(model.site, "site", site)
         self.scanner = scanner or LaserScanner()
-        self.directions = self._find_directions(directions)
+        self.directions = self.scanner.directions if directions is None else _normalize(directions)
         bodies = [int(model.site_bodyid[self.site])]
         if exclude is not None:
-            bodies = [_find_id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in exclude]
+            bodies = [_find_id(model.body, "body", name) for name in exclude]
         bodies = [body for body in bodies if body > 0]  # the world is the body of no site that moves
         self._model = copy(model)  # in which what is excluded is in a group that is not seen
         self._model.geom_group[np.isin(model.geom_bodyid, bodies)] = CONTACT_GROUP
@@ -88,39 +89,28 @@ class RangeFinder:
         pose[:3, :3], pose[:3, 3] = data.site_xmat[self.site].reshape(3, 3), data.site_xpos[self.site]
 
         def cast(origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-            count, flat = len(directions), np.ascontiguousarray(directions).ravel()
-            distances, geoms = np.empty(count), np.empty(count, np.int32)
-            place, limits = np.ascontiguousarray(origin), (None, count, mujoco.mjMAXVAL)
-            mujoco.mj_multiRay(
-                self._model, data, place, flat, self._groups, True, -1, geoms, distances, *limits
-            )
-            distances[geoms < 0] = np.inf
-            return distances
+            return cast_rays(self._model, data, self._groups, origin, directions)[0]
 
         if rng is not None:
             return self.scanner.scan(cast, pose, rng, self.directions)[0]
         ranges = cast(pose[:3, 3], self.directions @ pose[:3, :3].T)
         return np.where(ranges <= self.scanner.max_range, ranges, np.nan)
 
-    def _find_directions(self, directions: ArrayLike | None) -> Float[np.ndarray, "R 3"]:
-        if directions is None:
-            return self.scanner.directions
-        array = np.asarray(directions, dtype=np.float64)
-        length = np.linalg.norm(array, axis=-1, keepdims=True) if array.ndim == 2 else np.zeros(1)
-        if array.ndim != 2 or array.shape[1] != 3 or not (np.isfinite(length) & (length > 0)).all():
-            raise SurveyError(f"directions must be [R, 3] vectors with a length, got shape {array.shape}")
-        return array / length
+
+def _normalize(directions: ArrayLike) -> Float[np.ndarray, "R 3"]:
+    array = np.asarray(directions, dtype=np.float64)
+    length = np.linalg.norm(array, axis=-1, keepdims=True)
+    if array.ndim != 2 or array.shape[1] != 3 or not (np.isfinite(length) & (length > 0)).all():
+        raise SurveyError(f"directions must be [R, 3] vectors with a length, got shape {array.shape}")
+    return array / length
 
 
-def _find_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str | int) -> int:
-    """Return the id of a name, or a checked id."""
-    is_site = kind == mujoco.mjtObj.mjOBJ_SITE
-    count, what = (model.nsite, "site") if is_site else (model.nbody, "body")
-    found = mujoco.mj_name2id(model, kind, name) if isinstance(name, str) else int(name)
-    if not 0 <= found < count:
-        names = [mujoco.mj_id2name(model, kind, i) or str(i) for i in range(count)]
-        raise SurveyError(f"the model has no {what} {name!r}; there are: {', '.join(names) or 'none'}")
-    return found
+def _find_id(find: Callable[[Any], Any], what: str, name: str | int) -> int:
+    """Return the id of what MuJoCo finds by a name or an id."""
+    try:
+        return int(find(name).id)
+    except (KeyError, IndexError) as error:
+        raise SurveyError(f"the model has no {what} {name!r}: {error.args[0]}") from error
 
 
 _FARTHEST = 50.0  # What is farther is not seen [m]

@@ -138,31 +138,26 @@ def _find_arena(
         arena = (StairsCourse if arena == "stairs" else Course)(color_pattern=_PATTERN)
     if isinstance(arena, Course | StairsCourse):
         arena = Arena.from_course(arena)
-    what = "survey"
+    what = f"survey of {arena}" if isinstance(arena, str | os.PathLike) else "survey"
     if isinstance(arena, str | os.PathLike):
         if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
             arena = load_arena(str(arena))
         else:
-            what = f"survey of {arena}"
-            arena = _load_mesh(arena)
+            try:
+                arena = load_surface(arena)
+            except ArenaError as error:
+                raise SurveyError(
+                    f"no named arena ({', '.join(NAMED_ARENAS)}), and no mesh: {error}"
+                ) from error
+            arena.remove_infinite_values()
+            _check_size(arena, what)
+            arena.merge_vertices()
     surface = arena.surface if isinstance(arena, Arena) else arena
     if not isinstance(surface, trimesh.Trimesh):
         raise SurveyError(f"survey needs a mesh with faces, got {surface!r}")
     _check_size(surface, what)
     few = len(surface.vertices) < _LEAST_VERTICES
     return arena if isinstance(arena, Arena) else None, surface.subdivide() if few else surface
-
-
-def _load_mesh(path: str | os.PathLike[str]) -> trimesh.Trimesh:
-    """Read a mesh file; vertices that are not finite are dropped, those at one place are one."""
-    try:
-        surface = load_surface(path)
-    except ArenaError as error:
-        raise SurveyError(f"no named arena ({', '.join(NAMED_ARENAS)}), and no mesh: {error}") from error
-    surface.remove_infinite_values()
-    _check_size(surface, f"survey of {path}")
-    surface.merge_vertices()
-    return surface
 
 
 def _lift(poses: Float[np.ndarray, "S 4 4"], height: float) -> Float[np.ndarray, "S 4 4"]:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
+from typing import Any
 
 import mujoco
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 
+from symbrion_gym._src.arenas.primitives import add_mesh
 from symbrion_gym._src.errors import SurveyError
+from symbrion_gym._src.sensing.survey_robot import Cast
 
 _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
 """Geom groups: the arena, the ground around it, black skirting, and the room's walls."""
@@ -48,10 +52,11 @@ class SurveyWorld:
         spec = mujoco.MjSpec()
         bounds = np.asarray(surface.bounds, float)
         ground = bounds[0, 2]
-        _add_mesh(spec, "surface", surface.vertices, surface.faces, _SURFACE)
+        look: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0}
+        add_mesh(spec, spec.worldbody, "surface", surface, group=_SURFACE, **look)
         skirt = _make_skirt(surface, ground - _SKIRT_DEPTH)
         if skirt is not None:
-            _add_mesh(spec, "skirt", *skirt, _SKIRT)
+            add_mesh(spec, spec.worldbody, "skirt", skirt, group=_SKIRT, **look)
         low = np.minimum(waypoints.min(0), bounds[0, :2]) - _MARGIN
         high = np.maximum(waypoints.max(0), bounds[1, :2]) + _MARGIN
         for a, b in _frame(low, high, bounds[0, :2] - _GAP, bounds[1, :2] + _GAP):
@@ -66,40 +71,33 @@ class SurveyWorld:
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
         self._is_black = self._model.geom_group == _SKIRT
-
-    def cast_on_arena(
-        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
-    ) -> Float[np.ndarray, " R"]:
-        """Return distances to the arena and the ground along unit vectors [m], inf where there is none."""
-        return self._cast(origin, directions, _ALL_BUT_WALLS)
-
-    def cast_on_walls(
-        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
-    ) -> Float[np.ndarray, " R"]:
-        """Return distances to the walls along unit vectors [m], inf where there is none."""
-        return self._cast(origin, directions, _WALLS_ONLY)
+        self.cast_on_arena: Cast = partial(self._cast, _ALL_BUT_WALLS)  # to the arena and the ground
+        self.cast_on_walls: Cast = partial(self._cast, _WALLS_ONLY)
 
     def _cast(
-        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"], groups: np.ndarray
+        self, groups: np.ndarray, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
     ) -> Float[np.ndarray, " R"]:
-        count = len(directions)
-        geoms, distances = np.empty(count, np.int32), np.empty(count)
-        mujoco.mj_multiRay(
-            self._model, self._data, origin, np.ascontiguousarray(directions).ravel(), groups, True, -1,
-            geoms, distances, None, count, mujoco.mjMAXVAL,
-        )  # fmt: skip
-        distances[(geoms < 0) | self._is_black[geoms]] = np.inf
+        distances, geoms = cast_rays(self._model, self._data, groups, origin, directions)
+        distances[self._is_black[geoms]] = np.inf
         return distances
 
 
-def _add_mesh(spec: mujoco.MjSpec, name: str, vertices: np.ndarray, faces: np.ndarray, group: int) -> None:
-    mesh = spec.add_mesh(name=name)
-    mesh.uservert = np.asarray(vertices, np.float32).ravel()
-    mesh.userface = np.asarray(faces, np.int32).ravel()
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, group=group, contype=0, conaffinity=0, mass=0
-    )
+def cast_rays(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    groups: UInt8[np.ndarray, " G"],
+    origin: Float[np.ndarray, " 3"],
+    directions: Float[np.ndarray, "R 3"],
+) -> tuple[Float[np.ndarray, " R"], Int[np.ndarray, " R"]]:
+    """Return the distances of the first geoms along unit vectors [m], and the geoms; inf and -1 for none."""
+    count = len(directions)
+    distances, geoms = np.empty(count), np.empty(count, np.int32)
+    mujoco.mj_multiRay(
+        model, data, np.ascontiguousarray(origin), np.ascontiguousarray(directions).ravel(), groups, True, -1,
+        geoms, distances, None, count, mujoco.mjMAXVAL,
+    )  # fmt: skip
+    distances[geoms < 0] = np.inf
+    return distances, geoms
 
 
 def _add_box(
@@ -140,9 +138,7 @@ def _make_pilasters(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"])
                 at += width + rng.uniform(*_PILASTER_SPACING)
 
 
-def _make_skirt(
-    surface: trimesh.Trimesh, bottom: float
-) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]] | None:
+def _make_skirt(surface: trimesh.Trimesh, bottom: float) -> trimesh.Trimesh | None:
     """Hang the boundary edges down to the ground; None for a closed surface."""
     surface = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     surface.merge_vertices()
@@ -158,4 +154,4 @@ def _make_skirt(
     faces = np.concatenate(
         [np.stack([i, i + 1, count + i], 1), np.stack([i + 1, count + i + 1, count + i], 1)]
     )
-    return np.concatenate([upper, lower]), faces
+    return trimesh.Trimesh(np.concatenate([upper, lower]), faces, process=False)

@@ -19,8 +19,6 @@ from symbrion_gym._src.arenas.spec import CONTACT_GROUP
 from symbrion_gym._src.contact.quality import measure_arena
 from symbrion_gym._src.errors import ArenaError
 
-UNHURRIED = 1e5
-"""A time limit [s] that no busy machine reaches: arenas that it disturbed are not cached."""
 SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15, 0), (0.3, 0.25), (0.7, 0.25)]
 SLANTED_PIT += [(1.7, 0), (3, 0)]
 
@@ -163,24 +161,11 @@ def check_broken_mesh(seed, damage):
     else:
         vertices[generator.integers(len(vertices))] *= generator.uniform(-5, 5)
     try:
-        arena = make_arena(trimesh.Trimesh(vertices, faces, process=False), cache=False, time_limit=5)
+        arena = make_arena(trimesh.Trimesh(vertices, faces, process=False), cache=False)
     except ArenaError:
         return
     assert arena.pieces
     arena.spec().compile()
-
-
-def make_walls():
-    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1], [1, 1, 0], [1, 1, 1]], dtype=float)
-    return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], process=False)
-
-
-def test_what_the_time_limit_cut_short_is_not_kept(tmp_path):
-    walls = make_walls()
-    assert make_arena(walls, cache=tmp_path, time_limit=1e-6).provenance["was_cut_short"]
-    assert not list(tmp_path.glob("*.npz"))
-    assert "was_cut_short" not in make_arena(walls, cache=tmp_path).provenance
-    assert len(list(tmp_path.glob("*.npz"))) == 1
 
 
 def test_name_is_the_packages_own_beside_a_folder_of_that_name(tmp_path, monkeypatch):

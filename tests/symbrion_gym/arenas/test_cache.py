@@ -64,3 +64,10 @@ def test_an_arena_comes_from_the_cache_and_a_damaged_entry_is_made_again(tmp_pat
         )
     sg.make_arena(BOX, cache=tmp_path, kind="hfield")
     assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+def test_other_code_has_entries_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sg.make_arena(BOX, cache=tmp_path)
+    monkeypatch.setattr("symbrion_gym._src.arenas.cache._hash_code", lambda: "another version")
+    sg.make_arena(BOX, cache=tmp_path)
+    assert len(list(tmp_path.glob("*.npz"))) == 2

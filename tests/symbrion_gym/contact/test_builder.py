@@ -13,6 +13,7 @@ from symbrion_gym._src.contact import builder
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.distances import compute_depths
 from symbrion_gym._src.contact.kinds import ContactOptions
+from symbrion_gym._src.errors import ArenaError
 
 ACCURACY = 0.005
 
@@ -99,11 +100,11 @@ def test_a_body_becomes_pieces_of_coacd():
     assert contact.notes["is_reached"]
 
 
-def test_the_time_limit_ends_with_the_best_so_far(mesh):
-    contact = make_contact(mesh, ContactOptions(time_limit=1e-6), ACCURACY)
-    assert contact.pieces
-    assert contact.notes["was_cut_short"]
-    assert "time limit" in contact.notes["warnings"][0]
+def test_the_time_limit_gives_an_error_and_never_another_contact(mesh):
+    with pytest.raises(ArenaError, match=r"coacd took longer than 1e-06 s .* raise time_limit"):
+        make_contact(trimesh.creation.torus(0.5, 0.12), ContactOptions(time_limit=1e-6), 0.005)
+    hurried, usual = (make_contact(mesh, ContactOptions(time_limit=t), ACCURACY) for t in (1e-6, 300.0))
+    assert np.array_equal(hurried.pieces[0].vertices, usual.pieces[0].vertices)
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tyro
@@ -19,14 +19,11 @@ from evolution._src.cli.command import (
     require_writable_folder,
 )
 from evolution._src.cli.console import Console
-from evolution._src.cli.quality_rows import make_quality_rows
+from evolution._src.cli.quality_rows import describe_accuracy, make_quality_rows
 from evolution._src.cli.scan_source import is_scan_log
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count, format_extents
-
-if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.making import AccuracyReport
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -125,12 +122,9 @@ class Arena(SeededCommand):
             require_extras("`symbrion arena --picture`", "report")
         if self.object:
             require_extras("`symbrion arena --object`", "objects")
-        from symbrion_gym._src.arenas.making import report_accuracy
-
         with console.track(f"Arena from {self.mesh.name}") as step:
             arena = self._place_objects(self._make(step.progress), step.progress)
             arena.save(self.out)
-        report = report_accuracy(arena)
         if self.picture is not None:
             with console.track(f"Picture {self.picture.name}"):
                 self._draw(arena)
@@ -139,24 +133,18 @@ class Arena(SeededCommand):
         console.print_line(f"it extends over {format_extents(*arena.surface.bounds.tolist())}")
         for each in arena.objects:
             console.print_line(f"{each.name} at {', '.join(f'{x:.3f}' for x in each.position)} m")
-        console.show_table(
-            "Quality of the contact geometry",
-            ["measure", "value"],
-            make_quality_rows(arena, report),
-        )
-        return self._summarize(arena, report, step.seconds)
-
-    def _summarize(self, arena: "sg.Arena", report: "AccuracyReport", seconds: float) -> dict[str, Any]:
+        rows, accuracy = make_quality_rows(arena), describe_accuracy(arena)
+        console.show_table("Quality of the contact geometry", ["measure", "value"], rows)
         summary = {
             "folder": self.out,
             "pieces": len(arena.pieces),
             "bounds": arena.surface.bounds.tolist(),
-            "seconds": seconds,
+            "seconds": step.seconds,
             "quality": arena.quality.as_dict(),
-            "accuracy": report.as_dict(),
+            "accuracy": accuracy,
             "picture": self.picture,
         }
-        return summary | ({"exit_code": MISSED} if self.strict and not report.is_reached else {})
+        return summary | ({"exit_code": MISSED} if self.strict and not accuracy["is_reached"] else {})
 
     def _make(self, progress: "rc.Progress") -> "sg.Arena":
         options: dict[str, Any] = {} if self.max_pieces is None else {"max_pieces": self.max_pieces}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -11,8 +10,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
 from reconstruction._src.geometry.rows import make_hull
-from symbrion_gym._src.arenas.friction_map import FrictionMap, cut_solid
-from symbrion_gym._src.arenas.placed_objects import PlacedObject
+from symbrion_gym._src.arenas.friction_map import cut_solid
 from symbrion_gym._src.arenas.spec import ArenaGeometry, Solid, make_solids
 from symbrion_gym._src.errors import ArenaError
 
@@ -71,36 +69,25 @@ def _choose_corners(corners: Float[np.ndarray, "N 3"], most: int) -> tuple[Int[n
     return np.array(chosen[:most]), max(float(outside.max()), 0.0)
 
 
-@dataclass(frozen=True)
-class Content:
+class Content(NamedTuple):
     """An arena as the writers of the formats see it."""
 
-    name: str  # name of the arena
-    geometry: ArenaGeometry  # surface, texture and height field; its pieces are the solids before any was cut
+    geometry: ArenaGeometry  # its pieces are the solids before any was cut
     solids: list[Solid]  # convex solids, for contact
-    friction: float  # sliding friction of the ground
-    offset: tuple[float, float, float]  # what was subtracted from the coordinates of the scan [m]
-    max_vertices: int | None  # the limit of the vertices of a solid; None without
     deviation: float  # how far an original piece sticks out of the solids, at most [m]
-    quality: dict[str, Any]  # accuracy of the contact geometry, as `ArenaQuality.as_dict` returned it
-    provenance: dict[str, Any]  # what the arena was made of
-    friction_map: FrictionMap | None = None  # patches with another friction; None for one friction for all
-    objects: tuple[PlacedObject, ...] = ()  # known objects in it
 
 
-def make_content(
-    geometry: ArenaGeometry, max_vertices: int | None, friction_map: FrictionMap | None = None, **about: Any
-) -> Content:
-    """Return the content of an export."""
-    if max_vertices is not None and max_vertices < FEWEST_VERTICES:
+def make_content(geometry: ArenaGeometry, max_vertices: int | None) -> Content:
+    """Return the content of an export, its solids of at most so many vertices, or without a limit."""
+    if max_vertices is None:
+        parts, deviation = list(geometry.pieces), 0.0
+    elif max_vertices < FEWEST_VERTICES:
         raise ArenaError(
             f"max_vertices is {max_vertices}; {FEWEST_VERTICES} or more are needed, or None for no limit"
         )
-    parts, deviation = list(geometry.pieces), 0.0
-    if max_vertices is not None:
+    else:
         limited = [limit_vertices(piece, max_vertices) for piece in geometry.pieces]
         parts = [part for pieces, _ in limited for part in pieces]
         deviation = max((each for _, each in limited), default=0.0)
-    solids = make_solids(parts, friction_map, digits=max(len(str(len(parts) - 1)), 3))
-    measured = {"max_vertices": max_vertices, "deviation": deviation, "friction_map": friction_map}
-    return Content(geometry=geometry, solids=solids, **measured, **about)
+    digits = max(len(str(len(parts) - 1)), 3)
+    return Content(geometry, make_solids(geometry._replace(pieces=parts), digits), deviation)

@@ -45,21 +45,35 @@ def find_own_files(folder: Path) -> frozenset[str]:
 
 
 def export_arena(
-    folder: str | Path, geometry: ArenaGeometry, to: str, max_vertices: int | None, **about: Any
+    folder: str | Path, geometry: ArenaGeometry, to: str, max_vertices: int | None, about: dict[str, Any]
 ) -> dict[str, Any]:
     """Write an arena as a folder for other simulators; of what is there, only a former export is replaced."""
     if to not in FORMATS:
         raise ArenaError(f"to is {to!r}; there are: {', '.join(FORMATS)}")
     folder = Path(folder)
     own = find_own_files(folder)  # refused before any work
-    content = make_content(geometry, max_vertices, **about)
+    content = make_content(geometry, max_vertices)
     files = FORMATS[to](content) | {name: text.encode() for name, text in LOADERS[to].items()}
     files["heights.npz"] = format_arrays(_sample_heights(geometry.surface))
-    if content.objects:
-        files["objects.json"] = format_json(describe_objects(content.objects))
-    files["README.md"] = _make_readme(content, to).encode()
-    files["NOTICE.txt"] = _NOTICE.format(version=version("symbrion-gym")).encode()
-    description = _describe(content, to)
+    if geometry.objects:
+        files["objects.json"] = format_json(describe_objects(geometry.objects))
+    generator, friction_map = f"symbrion-gym {version('symbrion-gym')}", geometry.friction_map
+    files["README.md"] = _make_readme(content, to, about["offset"]).encode()
+    files["NOTICE.txt"] = _NOTICE.format(generator=generator).encode()
+    description = {
+        "to": to,
+        "name": geometry.name,
+        "generator": generator,
+        "units": "m",
+        "up": "z",
+        "friction": geometry.friction,
+        **({} if friction_map is None else {"friction_map": friction_map.as_dict()}),
+        "num_pieces": len(geometry.pieces),
+        "num_solids": len(content.solids),
+        "max_vertices": max_vertices,
+        "deviation": content.deviation,
+        **about,
+    }
     wanted = {*files, MANIFEST}
     _OWNER.refuse_foreign(folder, wanted, own)
     manifest = {"format": FORMAT, **description}
@@ -80,32 +94,12 @@ def _sample_heights(surface: trimesh.Trimesh) -> dict[str, Float[np.ndarray, " .
     return {"heights": Elevation(surface).height(x, y).astype(np.float32), "low": low, "high": high}
 
 
-_NOTICE = """This folder was generated from a scan by Symbrion Gym {version}.
+_NOTICE = """This folder was generated from a scan by {generator}.
 
 The geometry is derived from that scan. The terms of the owner of the scan hold for the scan and for this geometry:
 check them before you pass the folder on, and name the owner where they ask for it. Symbrion Gym claims no rights in
 its output, and the loaders (load_*.py) may be used without any condition.
 """
-
-
-def _describe(content: Content, to: str) -> dict[str, Any]:
-    """Return the content of `export.json`, without its format and the names of files."""
-    return {
-        "to": to,
-        "name": content.name,
-        "generator": f"symbrion-gym {version('symbrion-gym')}",
-        "units": "m",
-        "up": "z",
-        "offset": list(content.offset),
-        "friction": content.friction,
-        **({} if content.friction_map is None else {"friction_map": content.friction_map.as_dict()}),
-        "num_pieces": len(content.geometry.pieces),
-        "num_solids": len(content.solids),
-        "max_vertices": content.max_vertices,
-        "deviation": content.deviation,
-        "quality": content.quality,
-        "provenance": content.provenance,
-    }
 
 
 _README = """# Arena {name}
@@ -128,18 +122,18 @@ Exporting again replaces the files that `export.json` lists and leaves all other
 """
 
 
-def _make_readme(content: Content, to: str) -> str:
+def _make_readme(content: Content, to: str, offset: list[float]) -> str:
     """Return `README.md`: the files of a format, frame, units and friction."""
     deviation = f"within {1e3 * content.deviation:.2f} mm of {len(content.geometry.pieces)} pieces"
     solids = f"{len(content.solids)} convex solids, {deviation}"
     return _README.format(
-        name=content.name,
+        name=content.geometry.name,
         extent=" x ".join(f"{side:.2f}" for side in content.geometry.surface.extents),
         to=to.upper(),
         use=USES[to],
         contact=solids if content.geometry.height_field is None else "a height field",
-        offset=", ".join(f"{value:.3f}" for value in content.offset),
-        friction=content.friction,
+        offset=", ".join(f"{value:.3f}" for value in offset),
+        friction=content.geometry.friction,
     )
 
 

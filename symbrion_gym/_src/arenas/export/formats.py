@@ -42,16 +42,14 @@ def _format_model(content: Content, pictures: dict[str, bytes] | None) -> bytes:
     """Return a model with the surface and its pictures, or with contact alone."""
     geometry, exact = content.geometry, {}
     spec = mujoco.MjSpec()
-    spec.modelname = f"arena {content.name}"
+    spec.modelname = f"arena {content.geometry.name}"
     body = spec.worldbody.add_body(name=_BODY)
-    add_solids(spec, body, content.solids, content.friction)
+    add_solids(spec, body, content.solids, content.geometry.friction)
     if geometry.height_field is not None:
-        add_height_field(spec, body, geometry.height_field, content.friction)
+        add_height_field(spec, body, geometry.height_field, content.geometry.friction)
     if pictures is not None:
         surface = geometry.surface
-        if (
-            geometry.texture is not None
-        ):  # each face with vertices of its own, as MJCF has texture coordinates
+        if geometry.texture is not None:  # faces have vertices of their own, as MJCF has texture coordinates
             corners = np.asarray(surface.triangles).reshape(-1, 3)
             surface = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
         exact["arena_surface"] = surface.vertices
@@ -60,15 +58,13 @@ def _format_model(content: Content, pictures: dict[str, bytes] | None) -> bytes:
             add_texture(spec, geom, geometry.texture, use_files=True)
             places = np.array([0.0, 1.0]) + np.array([1.0, -1.0]) * geometry.texture.uv
             spec.mesh("arena_surface").usertexcoord = places.ravel()
-        add_objects(spec, content.objects, body)
+        add_objects(spec, content.geometry.objects, body)
         spec.assets = pictures
     for geom in spec.geoms:
         geom.mass = 0.0
     spec.compile()
     root = ElementTree.fromstring(spec.to_xml())
-    for compiler in root.findall(
-        "compiler"
-    ):  # a model that includes this one has a unit of angles of its own
+    for compiler in root.findall("compiler"):  # a model that includes this one has its own unit of angles
         root.remove(compiler)
     exact |= {solid.name: solid.mesh.vertices for solid in content.solids}
     centers = {solid.name: solid.box.center for solid in content.solids if solid.box is not None}
@@ -88,9 +84,8 @@ def _format_model(content: Content, pictures: dict[str, bytes] | None) -> bytes:
 
 def _join(values: Num[np.ndarray, " ..."]) -> str:
     """Return numbers as text: MuJoCo writes six digits, which are millimeters in a place of a kilometer."""
-    return " ".join(
-        map(str, (np.round(np.asarray(values, dtype=np.float64), _DIGITS) + 0.0).ravel().tolist())
-    )
+    rounded = np.round(np.asarray(values, dtype=np.float64), _DIGITS) + 0.0
+    return " ".join(map(str, rounded.ravel().tolist()))
 
 
 def format_obj_files(content: Content) -> dict[str, bytes]:
@@ -125,11 +120,14 @@ def format_urdf(content: Content) -> dict[str, bytes]:
     """
     if content.geometry.height_field is not None:
         raise ArenaError(
-            f"arena {content.name!r} is a height field, which URDF does not have; "
+            f"arena {content.geometry.name!r} is a height field, which URDF does not have; "
             "export it to mjcf, usd or obj, or make it again with kind='convex'"
         )
-    add, friction = ElementTree.SubElement, f"{content.friction:g}"
-    files, robot = _format_surface(content), ElementTree.Element("robot", name=f"arena {content.name}")
+    add, friction = ElementTree.SubElement, f"{content.geometry.friction:g}"
+    files, robot = (
+        _format_surface(content),
+        ElementTree.Element("robot", name=f"arena {content.geometry.name}"),
+    )
     # For MuJoCo, whose importer else looks for meshes without their folder and leaves visuals out.
     add(add(robot, "mujoco"), "compiler", strippath="false", discardvisual="false")
     link = add(robot, "link", name=_BODY)
@@ -171,7 +169,7 @@ def format_usd(content: Content) -> dict[str, bytes]:
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, _ROOT).GetPrim())
-    ground = _add_material(stage, "ground", content.friction)
+    ground = _add_material(stage, "ground", content.geometry.friction)
     frictions = dict.fromkeys(solid.friction for solid in content.solids if solid.friction is not None)
     patches = {each: _add_material(stage, f"patch_{i}", each) for i, each in enumerate(frictions)}
     contact = UsdGeom.Xform.Define(stage, f"{_ROOT}/contact")

@@ -20,8 +20,7 @@ def folder(tmp_path) -> Path:
 
 
 def find_solids() -> list[trimesh.Trimesh]:
-    about = dict.fromkeys(("name", "friction", "offset", "quality", "provenance"))
-    return [solid.mesh for solid in make_content(make_mixed_arena().geometry, 64, **about).solids]
+    return [solid.mesh for solid in make_content(make_mixed_arena().geometry, 64).solids]
 
 
 def read_collisions(path: Path) -> list[trimesh.Trimesh]:
