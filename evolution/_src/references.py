@@ -5,10 +5,10 @@ caller allows.
 """
 
 import hashlib
-import importlib
 import inspect
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import FunctionType
@@ -16,8 +16,7 @@ from typing import Any
 
 from evolution._src.errors import RunError
 from symbrion_gym._src.errors import TaskError
-from symbrion_gym._src.tasks.storage import describe, is_allowed
-from symbrion_gym._src.tasks.storage import restore as restore_value
+from symbrion_gym._src.tasks import storage
 
 MAX_SEED = 2**32 - 1  # What NumPy's `RandomState` takes
 MAX_MODULES = 50  # As in the environment
@@ -40,7 +39,7 @@ class Stored:
     def restore(self, what: str, allow: Collection[str] = ()) -> Any:
         """Return the value; of code that is not of this project only modules in `allow` are imported."""
         content = json.loads(self.text)
-        try:
+        with refuse(what, AttributeError, KeyError, TypeError):
             for name, version in content.get("versions", {}).items():
                 check_allowed(name, what, allow)
                 now = find_version(find_object(name, what), what)
@@ -49,21 +48,26 @@ class Stored:
                         f"{what} {name} has changed: version {now!r}, not {version!r} as recorded; restore it, or "
                         "begin another run (an attribute `version` of its own says which changes matter)"
                     )
-            return restore_value(content["value"], allow)
-        except (TaskError, AttributeError, KeyError, TypeError) as error:
-            raise RunError(f"{what}: {error}") from error
+            return storage.restore(content["value"], allow)
 
 
 def store(value: Any, what: str) -> dict[str, Any]:
     """Return JSON content of which `Stored` restores an equal value, and the versions of what a user wrote in it."""
-    try:
-        content = describe(value)
+    with refuse(f"{what}: {value!r} cannot be restored by another process:"):
+        content = storage.describe(value)
         if is_dataclass(value) and vars(value).keys() - {each.name for each in fields(value)}:
             raise TaskError("it has a state beyond its fields")
-    except TaskError as error:
-        raise RunError(f"{what}: {value!r} cannot be restored by another process: {error}") from error
     versions = {name: find_version(find_object(name, what), what) for name in _list_names(content)}
     return {"value": content, "versions": versions}
+
+
+@contextmanager
+def refuse(what: str, *errors: type[Exception]) -> Iterator[None]:
+    """Raise an error of what names code as one of a run, which begins with what it is for."""
+    try:
+        yield
+    except (TaskError, *errors) as error:
+        raise RunError(f"{what} {error}") from error
 
 
 def _list_names(content: Any) -> list[str]:
@@ -79,12 +83,8 @@ def _list_names(content: Any) -> list[str]:
 
 def check_allowed(name: str, what: str, allow: Collection[str]) -> None:
     """Refuse to import what a file names, unless the caller has allowed its module."""
-    module = name.partition(":")[0]
-    if not is_allowed(module, allow):
-        raise RunError(
-            f"{what} {name} is code that a file names, and none is run unless it is allowed: "
-            f"--allow-code {module}, in Python allow=({module!r},)"
-        )
+    with refuse(what):
+        storage.check_allowed(name, allow)
 
 
 def find_object(name: str, what: str) -> Any:
@@ -97,28 +97,8 @@ def find_object(name: str, what: str) -> Any:
 
 def find_value(name: str, what: str) -> Any:
     """Import what "module:name" names."""
-    module, parts = split_name(name, what)
-    try:
-        found: Any = importlib.import_module(module)
-    except Exception as error:  # importing runs code of the user
-        raise RunError(
-            f"{what} {name!r}: module {module!r} cannot be imported ({type(error).__name__}: {error}); "
-            "start in the folder that contains it, or add that folder to PYTHONPATH"
-        ) from error
-    for part in parts:
-        if not hasattr(found, part):
-            public = [each for each in vars(found) if not each.startswith("_")]
-            raise RunError(f"{what} {name!r}: there is no {part!r} in it; there are: {', '.join(public)}")
-        found = getattr(found, part)
-    return found
-
-
-def split_name(name: str, what: str) -> tuple[str, list[str]]:
-    """Return the module and the parts of the name of "module:name"."""
-    module, _, path = name.partition(":")
-    if not all(part.isidentifier() for part in (*module.split("."), *path.split("."))):
-        raise RunError(f'{what} is {name!r}; "module:name" is needed, such as "my_package.walking:Wave"')
-    return module, path.split(".")
+    with refuse(what):
+        return storage.find_value(name)
 
 
 def find_version(owner: Any, what: str) -> str:

@@ -11,10 +11,9 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 
 from evolution._src.backends.scoring import Scoring, check_descriptors
-from evolution._src.controllers.finding import controller_to_json, find_controller
+from evolution._src.controllers.finding import ControllerSource, controller_to_json, find_controller
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.controllers.protocol import Controller
-from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_MAGNITUDE, MAX_MODULES, MIN_POSITIVE, Stored, find_value, store
 from reconstruction._src.base.range_checks import (

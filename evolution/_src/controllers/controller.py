@@ -5,6 +5,7 @@ The only memory is how long ago each module last touched the ground, because con
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,9 +23,7 @@ from evolution._src.controllers.laws import (
     reactive,
 )
 from evolution._src.controllers.oscillators import OscillatorController
-from evolution._src.controllers.protocol import Controller as Controller
-from evolution._src.controllers.protocol import Structure as Structure
-from evolution._src.controllers.protocol import check_genotypes
+from evolution._src.controllers.protocol import Structure
 from evolution._src.errors import RunError
 from reconstruction._src.base.range_checks import check_choice, format_count
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
@@ -32,6 +31,7 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
+CONTROLLERS = ("path", "reactive", "posture", "network", "oscillators")  # Names of the laws
 SENSORS = ("hinge_angle", "pitch", "contact")  # Sensors that every law reads
 HINGE_RANGE = ScoutConfig().hinge_range  # Largest angle of a hinge of the usual Scout to either side [rad]
 CONTACT_TIMEOUT = 15
@@ -74,17 +74,16 @@ class LawController:
         drive: Drive,
         hinge_range: float,
         law: Law,
-        genes: tuple[str, ...],
-        initial: tuple[float, ...],
+        genes: Mapping[str, float],
         bound: float = GENE_BOUND,
         sensors: tuple[str, ...] = SENSORS,
     ) -> None:
         self.name, self.joints, self.drive, self.law, self.hinge_range = name, joints, drive, law, hinge_range
         self._law_sensors = (*sensors, "roll") if joints.has_rolls else sensors
         self.sensors = (*self._law_sensors, *drive.sensors)
-        self.parameters = drive.parameters + genes
-        self.initial = drive.initial + initial
-        self.upper = (drive.bound,) * len(drive.parameters) + (bound,) * len(genes)
+        self.parameters = (*drive.genes, *genes)
+        self.initial = (*drive.genes.values(), *genes.values())
+        self.upper = (drive.bound,) * len(drive.genes) + (bound,) * len(genes)
         self.lower = tuple(-value for value in self.upper)
 
     def begin(self, count: int) -> State:
@@ -99,23 +98,8 @@ class LawController:
         state: State,
     ) -> tuple[Float[Any, "P A"], State]:
         """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds."""
-        xp = find_namespace(observation)
+        xp, num_drive = find_namespace(observation), len(self.drive.genes)
         genes = xp.broadcast_to(genotype, (len(observation), len(self.parameters)))
-        num_drive = len(self.drive.parameters)
-        sensed, state = self._sense(observation, structure, state)
-        target = self.law(sensed, genes[:, num_drive:], self.joints) / self.hinge_range
-        target = xp.minimum(xp.maximum(target, -1.0), 1.0)
-        if not num_drive and not self.joints.num_twists:
-            return target, state
-        twists = xp.zeros((len(target), self.joints.num_twists))
-        tracks = self.drive.act(genes[:, :num_drive], observation, structure)
-        return xp.concatenate((target, twists, tracks), axis=1), state
-
-    def _sense(
-        self, observation: Float[Any, "P O"], structure: Structure, state: State
-    ) -> tuple[dict[str, Float[Any, "P _"]], State]:
-        """Return what the law reads, and how long ago each module touched something."""
-        xp = find_namespace(observation)
         sensed = {
             name: xp.asarray(observation[:, structure[name]], dtype=float) for name in self._law_sensors
         }
@@ -126,11 +110,11 @@ class LawController:
         ticks = (state.ticks_since_contact + 1) * (sensed["contact"] <= 0)
         sensed["airborne"] = (ticks > CONTACT_TIMEOUT).astype(float)
         sensed["recent_contact"] = (ticks <= MAX_AIRBORNE_TICKS).astype(float)
-        return sensed, State(ticks)
-
-    def check(self, genotypes: Float[np.ndarray, "*P G"]) -> None:
-        """Refuse genotypes that do not fit; see `check_genotypes`."""
-        check_genotypes(self, genotypes)
+        target = self.law(sensed, genes[:, num_drive:], self.joints) / self.hinge_range
+        target = xp.minimum(xp.maximum(target, -1.0), 1.0)
+        twists = xp.zeros((len(target), self.joints.num_twists))
+        tracks = self.drive.act(genes[:, :num_drive], observation, structure)
+        return xp.concatenate((target, twists, tracks), axis=1), State(ticks)
 
 
 OwnController = LawController | OscillatorController  # A controller of this package
@@ -148,30 +132,22 @@ def make_law(name: str, organism: Organism, num_tracks: int = 0) -> OwnControlle
     if name == "oscillators":
         return OscillatorController(*body, organism.scout.twist_range, GENE_BOUND)
     if name == "path":
-        genes = tuple(f"slope_at_{100 * x:+.0f}_cm" for x in KNOTS)
-        law = partial(path, knots=KNOTS, spacing=organism.scout.pitch)
-        sensors = (*SENSORS, "track_odometry")
-        return LawController(name, *body, law, genes, (0.0,) * NUM_KNOTS, sensors=sensors)
+        genes = [f"slope_at_{100 * x:+.0f}_cm" for x in KNOTS]
+        law, sensors = partial(path, knots=KNOTS, spacing=organism.scout.pitch), (*SENSORS, "track_odometry")
+        return LawController(name, *body, law, dict.fromkeys(genes, 0.0), sensors=sensors)
     if name == "reactive":
-        return LawController(name, *body, reactive, REACTIVE_GENES, REACTIVE_HINT)
+        return LawController(name, *body, reactive, dict(zip(REACTIVE_GENES, REACTIVE_HINT, strict=True)))
     if name == "posture":
-        genes = tuple(f"hinge_{index}" for index in range(len(organism.hinges)))
-        return LawController(name, *body, posture, genes, (0.0,) * len(genes))
-    units = range(NUM_HIDDEN)
-    genes = tuple(f"hidden_{unit}_{each}" for unit in units for each in NETWORK_INPUTS)
-    genes += (*(f"output_{unit}" for unit in units), "output_bias")
+        genes = [f"hinge_{index}" for index in range(len(organism.hinges))]
+        return LawController(name, *body, posture, dict.fromkeys(genes, 0.0))
+    genes = [f"hidden_{unit}_{each}" for unit in range(NUM_HIDDEN) for each in NETWORK_INPUTS]
+    genes += [*(f"output_{unit}" for unit in range(NUM_HIDDEN)), "output_bias"]
     law = partial(network, num_hidden=NUM_HIDDEN)
-    return LawController(name, *body, law, genes, (0.0,) * len(genes), WEIGHT_BOUND)
+    return LawController(name, *body, law, dict.fromkeys(genes, 0.0), WEIGHT_BOUND)
 
 
 def make_controller(name: str, modules: int) -> OwnController:
     """Make a law of ours for a snake; see `make_law`."""
-    check_choice("controller", name, CONTROLLERS, RunError)
-    if modules < 2:
-        raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
     from symbrion_gym._src.robot.organism import snake
 
     return make_law(name, snake(modules))
-
-
-CONTROLLERS = ("path", "reactive", "posture", "network", "oscillators")  # Names of the laws

@@ -2,26 +2,59 @@
 
 from __future__ import annotations
 
+import inspect
+import sys
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from evolution._src.controllers.controller import CONTROLLERS, OwnController, make_law
 from evolution._src.controllers.protocol import CheckedController, Controller
-from evolution._src.controllers.source import (
-    ControllerSource,
-    find_source,
-    import_path,
-    make_from,
-    read_source,
-)
 from evolution._src.errors import RunError
+from evolution._src.references import check_allowed, find_value, refuse
 from reconstruction._src.base.range_checks import check_choice
+from reconstruction._src.base.typed_json import JsonError, as_type
+from symbrion_gym._src.tasks.storage import find_name
 
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
-FIRST_VERSION = "1"  # Version of laws before they had one: records of these hold their name alone
+_PLAIN = (bool, int, float, str, type(None))  # Types of arguments that a record can hold
+_ADVICE = 'give a class or function of the organism that a module defines, or "module:name" of one'
+
+
+@dataclass(frozen=True)
+class ControllerSource:
+    """A controller of a user, by reference. It can be hashed, compared, pickled and written as JSON."""
+
+    name: str  # name of the controller
+    version: str  # its version when the run began
+    source: str  # "module:name" of a controller, or of a class or function of the organism that returns one
+    # fields of a dataclass that `source` names; None for a class or function of the organism
+    arguments: tuple[tuple[str, Any], ...] | None = None
+    # whether its module may be imported; not where a file named it and nobody has allowed it since
+    is_allowed: bool = field(default=True, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "arguments", _freeze(self.arguments))
+
+    def make(self, organism: Organism, num_tracks: int) -> Any:
+        """Return the controller for a body."""
+        self.allow(())
+        made = _make(find_value(self.source, "controller"), organism, num_tracks, self.source, self.arguments)
+        version = getattr(made, "version", None)
+        if version != self.version:
+            raise RunError(
+                f"controller {self.source!r} is of version {version!r}, the record of {self.version!r}; "
+                "restore that version of its module, or start a new run"
+            )
+        return made
+
+    def allow(self, modules: Collection[str]) -> ControllerSource:
+        """Return the source that may be imported."""
+        if not self.is_allowed:
+            check_allowed(self.source, "controller", modules)
+        return replace(self, is_allowed=True)
 
 
 def find_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> Controller:
@@ -38,28 +71,29 @@ def find_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> Contr
     Raises:
         RunError: there is no such controller, it does not suit the body, or it is not of the version recorded.
     """
-    if isinstance(spec, str) and ":" not in spec:
-        check_choice("controller", spec, CONTROLLERS, RunError)
-        return make_law(spec, organism, num_tracks)
     if isinstance(spec, OwnController | CheckedController):
         return spec
-    num_actions = len(organism.servos) + num_tracks
     if isinstance(spec, ControllerSource):
-        return CheckedController(spec.make(organism, num_tracks), num_actions, spec)
-    found = import_path(spec) if isinstance(spec, str) else spec
-    what = spec if isinstance(spec, str) else getattr(spec, "__qualname__", type(spec).__qualname__)
-    made = CheckedController(make_from(found, organism, num_tracks, what), num_actions, spec=spec)
-    with suppress(RunError):
-        made.source = find_source(spec, made.name, made.version)
-    return made
+        made = spec.make(organism, num_tracks)
+    elif not isinstance(spec, str):
+        what = getattr(spec, "__qualname__", type(spec).__qualname__)
+        made = _make(spec, organism, num_tracks, what)
+    elif ":" in spec:
+        made = _make(find_value(spec, "controller"), organism, num_tracks, spec)
+    else:
+        return make_law(spec, organism, num_tracks)
+    return CheckedController(made, len(organism.servos) + num_tracks, spec)
 
 
 def refer_to_controller(
     spec: Any, organism: Organism, num_tracks: int = 0, *, must_be_found: bool = False
 ) -> Any:
-    """Return what stands for a controller in the configuration of a run and in jobs."""
+    """Return what stands for a controller in the configuration of a run and in jobs; of a record, import nothing."""
     if isinstance(spec, Mapping):
-        return _read_reference(spec)
+        try:
+            return replace(as_type(dict(spec), ControllerSource, "controller"), is_allowed=False)
+        except JsonError as error:
+            raise RunError(str(error)) from error
     if isinstance(spec, ControllerSource):
         return spec
     if isinstance(spec, str) and ":" not in spec:
@@ -68,10 +102,16 @@ def refer_to_controller(
     controller = find_controller(spec, organism, num_tracks)
     if isinstance(controller, OwnController):
         return controller.name
-    reference = getattr(controller, "source", None)
-    if must_be_found and reference is None:
-        controller_to_json(controller)
-    return reference or _require_hashable(spec)
+    try:
+        return _find_source(controller, controller.name, controller.version)
+    except RunError:
+        if must_be_found:
+            raise
+    try:
+        hash(spec)
+    except TypeError as error:
+        raise RunError(f"controller {spec!r} cannot be hashed; make its dataclass frozen") from error
+    return spec
 
 
 def check_genotype(name: str, genotype: Sequence[float], controller: Controller) -> None:
@@ -81,64 +121,69 @@ def check_genotype(name: str, genotype: Sequence[float], controller: Controller)
             f"{name} has {len(genotype)} genes; {controller.name} has {len(controller.parameters)} for this body: "
             f"{', '.join(controller.parameters)}"
         )
-    for gene, value, low, high in zip(
-        controller.parameters, genotype, controller.lower, controller.upper, strict=True
-    ):
+    genes = zip(controller.parameters, genotype, controller.lower, controller.upper, strict=True)
+    for gene, value, low, high in genes:
         if not low <= value <= high:
             raise RunError(f"{name}: {gene} is {value:g}; {low:g} to {high:g} is needed")
 
 
 def controller_to_json(controller: Any) -> str | dict[str, Any]:
-    """Return what a record holds of a controller: its name and version, and of a user's where it is found."""
-    if isinstance(controller, str) and ":" not in controller:
-        check_choice("controller", controller, CONTROLLERS, RunError)
+    """Return what a record holds of a controller: its name, and of a user's its version and where it is found."""
+    if isinstance(controller, str):
         return controller
     if isinstance(controller, OwnController):
-        is_first = controller.version == FIRST_VERSION
-        return controller.name if is_first else {"name": controller.name, "version": controller.version}
-    if isinstance(controller, ControllerSource):
-        return controller.as_dict()
-    if isinstance(controller, CheckedController):
-        source = controller.source or find_source(controller.spec, controller.name, controller.version)
-        return source.as_dict()
-    if isinstance(controller, str):
-        raise RunError(f"controller {controller!r}: its version is not known; `find_controller` finds it")
+        return controller.name
     name, version = (str(getattr(controller, key, "?")) for key in ("name", "version"))
-    return find_source(controller, name, version).as_dict()
+    source = _find_source(controller, name, version)
+    content: dict[str, Any] = {"name": source.name, "version": source.version, "source": source.source}
+    return content if source.arguments is None else content | {"arguments": list(source.arguments)}
 
 
-def read_controller(
-    content: Any,
-    organism: Organism,
-    num_tracks: int = 0,
-    allow: Collection[str] = (),
-) -> Controller:
-    """Return the controller of a record."""
-    if not isinstance(content, str | Mapping):
-        raise RunError(f"controller is {content!r}; a name, or name, version and source are needed")
-    reference = _read_reference(content) if isinstance(content, Mapping) else content
-    if isinstance(reference, ControllerSource):
-        reference = reference.allow(allow)
-    return find_controller(reference, organism, num_tracks)
+def _find_source(spec: Any, name: str, version: str) -> ControllerSource:
+    """Return the reference to what a user gave as a controller."""
+    spec = spec.spec if isinstance(spec, CheckedController) else spec
+    if isinstance(spec, ControllerSource):
+        return spec
+    if isinstance(spec, str):
+        return ControllerSource(name, version, spec)
+    with refuse("controller"):
+        if isinstance(spec, type) or inspect.isroutine(spec):
+            return ControllerSource(name, version, find_name(spec))
+        for key, value in vars(sys.modules.get(type(spec).__module__, object)).items():
+            if value is spec:
+                return ControllerSource(name, version, find_name(spec, key))
+        if is_dataclass(spec):
+            given = [each.name for each in fields(spec) if each.init]
+            arguments = tuple((each, _freeze(getattr(spec, each))) for each in given)
+            if _is_plain(arguments):
+                return ControllerSource(name, version, find_name(type(spec)), arguments)
+    raise RunError(
+        f"controller {name!r} cannot be found again from a record or in a worker: it is an object that no module "
+        f"names, and no dataclass of numbers and text; {_ADVICE}"
+    )
 
 
-def _require_hashable(spec: Any) -> Any:
+def _make(found: Any, organism: Organism, num_tracks: int, what: str, arguments: Any = None) -> Any:
+    """Return a controller: what was found, or what it makes as a class or function of the organism."""
+    if not isinstance(found, type) and hasattr(found, "act"):
+        return found
+    if not callable(found):
+        raise RunError(f"controller {what!r} is {found!r}, which is no controller; {_ADVICE}")
     try:
-        hash(spec)
-    except TypeError as error:
-        raise RunError(f"controller {spec!r} cannot be hashed; make its dataclass frozen") from error
-    return spec
+        if arguments is not None:
+            return found(**dict(arguments))
+        parameters = inspect.signature(found).parameters
+        options = {"num_tracks": num_tracks} if "num_tracks" in parameters else {}
+        return found(*([organism] if parameters else []), **options)
+    except RunError:
+        raise
+    except Exception as error:
+        raise RunError(f"controller {what!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
-def _read_reference(content: Mapping[str, Any]) -> str | ControllerSource:
-    """Return the law or the source that a record describes, without importing anything."""
-    name, version = content.get("name"), content.get("version")
-    if "source" in content:
-        return read_source(content)
-    check_choice("controller", str(name), CONTROLLERS, RunError)
-    if version != FIRST_VERSION:
-        raise RunError(
-            f"controller {name!r} is of version {FIRST_VERSION!r} here, the record of {version!r}; "
-            "read it with the release that wrote it"
-        )
-    return str(name)
+def _freeze(value: Any) -> Any:
+    return tuple(map(_freeze, value)) if isinstance(value, list | tuple) else value
+
+
+def _is_plain(value: Any) -> bool:
+    return all(map(_is_plain, value)) if isinstance(value, tuple) else isinstance(value, _PLAIN)

@@ -12,7 +12,6 @@ from jaxtyping import Bool, Float, Int
 from evolution._src.controllers.protocol import Structure
 from evolution._src.errors import RunError
 from reconstruction._src.base.range_checks import check_choice, format_count
-from symbrion_gym._src.environment.config import SENSORS
 
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
@@ -31,8 +30,7 @@ def add_to_column(array: Any, column: int, values: Any) -> Any:
     return array.at[:, column].add(values)
 
 
-_ROUNDING = 1e-9
-"""Cosines, and distances in units of a module, that differ by less from a whole number are that number."""
+_ROUNDING = 1e-9  # What differs by less from a whole number is that number: snakes step by whole modules
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +52,6 @@ class Joints:
     has_rolls: bool  # whether a roll is needed
     # modules on the side of `ahead`, which the hinge separates from the rest
     ahead_part: Bool[np.ndarray, "h n"]
-    own_part: Bool[np.ndarray, "h n"]  # modules on the side of `own`
     is_head: Bool[np.ndarray, " h"]  # whether the hinge joins module 0, the head, to another
     # whether it joins a module at an end of the tree, other than the head, to another
     is_tail: Bool[np.ndarray, " h"]
@@ -72,7 +69,7 @@ class Joints:
     steps: Float[np.ndarray, " n"]
 
     def compute_inclination_ahead(
-        self, pitch: Float[Any, "P n"], roll: Float[Any, "P n"] | None
+        self, pitch: Float[Any, "P n"], roll: Float[Any, "P n"] | None = None
     ) -> Float[Any, "P h"]:
         """Return the inclination of the module ahead of each hinge [rad]."""
         both = pitch if roll is None else find_namespace(pitch).concatenate((pitch, roll), axis=1)
@@ -81,73 +78,55 @@ class Joints:
 
 def find_joints(organism: Organism) -> Joints:
     """Return how the hinges of an organism lie in its tree."""
-    parents, order = organism.parents, organism.order[1:]
+    count, parents, order = organism.num_modules, organism.parents, organism.order[1:]
     poses, pitch = organism.compute_poses(), organism.scout.pitch
-    fronts = {
-        module: (other, other_side)
-        for docking in organism.dockings
-        for (module, side), (other, other_side) in (docking.ends, docking.ends[::-1])
-        if side == "front"
-    }
+    fronts: dict[int, tuple[int, str]] = {}
+    num_dockings = np.zeros(count, dtype=np.int64)
+    for docking in organism.dockings:
+        for (module, side), other in (docking.ends, docking.ends[::-1]):
+            num_dockings[module] += 1
+            if side == "front":
+                fronts[module] = other
     own = np.array(organism.hinges, dtype=np.int64)
     ahead = np.array([fronts[module][0] for module in organism.hinges], dtype=np.int64)
-    turns = [poses[i].heading - poses[j].heading for i, j in zip(own, ahead, strict=True)]
-    is_sideways = np.array([abs(_snap(cos(turn))) < 0.5 for turn in turns], dtype=bool)
-    signs = [
-        _snap(sin(turn)) if side else _snap(cos(turn)) for turn, side in zip(turns, is_sideways, strict=True)
-    ]
-    ahead_part = np.array([_find_part(organism, j, i) for i, j in zip(own, ahead, strict=True)], dtype=bool)
-    ahead_part = ahead_part.reshape(len(own), organism.num_modules)
-    num_dockings = np.bincount(
-        [module for docking in organism.dockings for module, _ in docking.ends],
-        minlength=organism.num_modules,
-    )
-    is_end = (num_dockings == 1) & (np.arange(organism.num_modules) > 0)
-    depths = np.zeros(organism.num_modules, dtype=np.int64)
+    headings = np.array([pose.heading for pose in poses])
+    turns = headings[own] - headings[ahead]
+    is_sideways = np.abs(np.cos(turns)) < 0.5
+    is_end = (num_dockings == 1) & (np.arange(count) > 0)
+    depths, beyond = np.zeros(count, dtype=np.int64), np.eye(count, dtype=bool)
     for module in order:
         depths[module] = depths[parents[module]] + 1
+    for module in order[::-1]:
+        beyond[parents[module]] |= beyond[module]
+    is_nearer = np.array(parents, dtype=np.int64)[ahead] == own
     is_shared = [fronts.get(int(j), (-1, ""))[0] == i for i, j in zip(own, ahead, strict=True)]
+    steps = [0.0 if j < 0 else (poses[j].x - poses[i].x) / pitch for i, j in enumerate(parents)]
     return Joints(
-        num_modules=organism.num_modules,
+        num_modules=count,
         num_twists=len(organism.servos) - len(own),
         own=own,
         ahead=ahead,
-        ahead_column=ahead + organism.num_modules * is_sideways,
-        ahead_sign=np.array(signs, dtype=float),
+        ahead_column=ahead + count * is_sideways,
+        ahead_sign=_snap(np.where(is_sideways, np.sin(turns), np.cos(turns))),
         has_rolls=bool(is_sideways.any()),
-        ahead_part=ahead_part,
-        own_part=~ahead_part,
+        ahead_part=np.where(is_nearer[:, None], beyond[ahead], ~beyond[own]),
         is_head=(own == 0) | (ahead == 0),
         is_tail=is_end[own] | is_end[ahead],
         depth=np.maximum(depths[own], depths[ahead]),
-        along=np.array([_snap(cos(poses[i].heading)) for i in own], dtype=float),
+        along=_snap(np.cos(headings[own])) + 0.0,  # without -0
         share=np.where(is_shared, 0.5, 1.0),
-        side=np.array([np.sign(_snap(poses[i].y / pitch)) for i in own], dtype=float),
+        side=np.sign(_snap(np.array([poses[i].y / pitch for i in own], dtype=float))) + 0.0,
         dock=tuple(fronts[module][1] for module in organism.hinges),
         parents=parents,
         order=order,
-        steps=np.array(
-            [0.0 if j < 0 else _snap((poses[j].x - poses[i].x) / pitch) for i, j in enumerate(parents)]
-        ),
+        steps=_snap(np.array(steps)) + 0.0,
     )
 
 
-def _find_part(organism: Organism, module: int, without: int) -> list[bool]:
-    """Return which modules hang together with a module if it is undocked from another."""
-    part = [index == module for index in range(organism.num_modules)]
-    waiting = [module]
-    for one in waiting:
-        for docking in organism.dockings:
-            for (first, _), (second, _) in (docking.ends, docking.ends[::-1]):
-                if first == one and not part[second] and (first, second) != (module, without):
-                    part[second] = True
-                    waiting.append(second)
-    return part
-
-
-def _snap(value: float) -> float:
-    """Return a number, as a whole one where only rounding is between them: snakes then step by whole modules."""
-    return float(round(value)) if abs(value - round(value)) < _ROUNDING else float(value)
+def _snap(values: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+    """Return numbers, whole ones where only rounding is between them."""
+    whole = np.round(values)
+    return np.where(np.abs(values - whole) < _ROUNDING, whole, values)
 
 
 GOAL_SENSOR = "goal_direction"
@@ -156,7 +135,6 @@ TRACK_OFFSET = 0.0458
 """Distance of a track from the middle line of its module [m] (the authors' simulator, danfis/sim)."""
 _SMALLEST_LEVER = 0.02
 """Tracks with shorter levers would move the body rather than turn it [m]; a module's own tracks have 0.0458."""
-_DRIVE_ROUNDING = 1e-9  # Cosines closer than this to a whole number are that number
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,21 +155,16 @@ class Drive:
         return bool(np.any(self.lever))
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the genes: added to full speed; a constant rate of turn; a gain on the bearing of the goal."""
-        if not len(self.ahead):
-            return ()
-        return ("track_speed_change", *(("track_turn", "track_steering") if self.can_turn else ()))
-
-    @property
-    def initial(self) -> tuple[float, ...]:
-        """Genotype at which a search with a hint begins: full speed, toward the goal."""
-        return (0.0, 0.0, 1.0)[: len(self.parameters)]
+    def genes(self) -> dict[str, float]:
+        """Genes, and where a search with a hint begins: full speed and what is added to it; a constant rate of turn;
+        a gain on the bearing of the goal."""
+        turns = {"track_turn": 0.0, "track_steering": 1.0} if self.can_turn else {}
+        return {"track_speed_change": 0.0} | turns if len(self.ahead) else {}
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Sensors that steering reads, as far as the environment has them."""
-        return (GOAL_SENSOR,) if self.can_turn and GOAL_SENSOR in SENSORS else ()
+        """Sensors that steering reads."""
+        return (GOAL_SENSOR,) if self.can_turn else ()
 
     def act(
         self, genes: Float[Any, "P D"], observation: Float[Any, "P O"], structure: Structure
@@ -211,10 +184,10 @@ class Drive:
 
 def compute_bearing(observation: Float[Any, "P O"], structure: Structure) -> Float[Any, "P 1"]:
     """Return the bearing of the goal, positive to the left [rad]; 0 where the observation lacks it."""
-    if GOAL_SENSOR not in structure:
-        return find_namespace(observation).zeros((len(observation), 1))
-    first = structure[GOAL_SENSOR].start
-    return find_namespace(observation).asarray(observation[:, first : first + 1], dtype=float)
+    xp, part = find_namespace(observation), structure.get(GOAL_SENSOR)
+    if part is None:
+        return xp.zeros((len(observation), 1))
+    return xp.asarray(observation[:, part.start : part.start + 1], dtype=float)
 
 
 def count_tracks(track_control: str, num_modules: int) -> int:
@@ -235,18 +208,12 @@ def make_drive(organism: Organism, num_tracks: int, bound: float) -> Drive:
         return Drive(np.ones(num_tracks), np.zeros(num_tracks), bound)
     poses = organism.compute_poses()
     middle_x, middle_y = (np.mean([getattr(pose, axis) for pose in poses]) for axis in ("x", "y"))
-    offsets = (0.0,) if num_tracks == count else (TRACK_OFFSET, -TRACK_OFFSET)
     ahead, lever = [], []
     for pose in poses:
         c, s = cos(pose.heading), sin(pose.heading)
-        for offset in offsets:
+        for offset in (0.0,) if num_tracks == count else (TRACK_OFFSET, -TRACK_OFFSET):
             x, y = pose.x - offset * s - middle_x, pose.y + offset * c - middle_y
             ahead.append(c)
             lever.append(x * s - y * c)
     levers = np.where(np.abs(lever) > _SMALLEST_LEVER, lever, 0.0)
-    return Drive(_round(np.array(ahead)), levers / max(np.abs(levers).max(), _SMALLEST_LEVER), bound)
-
-
-def _round(cosines: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
-    """Return cosines with 0 and ±1 where only rounding is between them."""
-    return np.where(np.abs(cosines - np.round(cosines)) < _DRIVE_ROUNDING, np.round(cosines), cosines)
+    return Drive(_snap(np.array(ahead)), levers / max(np.abs(levers).max(), _SMALLEST_LEVER), bound)

@@ -40,7 +40,7 @@ def reactive(sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints) -> Flo
     bias, head_bias, tail_bias, ahead, behind, front_air, rear_air, head_pitch = genotype.T[:, :, None]
     pitch, touches = sensed["pitch"], 1.0 - sensed["airborne"]
     front = (touches @ joints.ahead_part.T == 0) * sensed["recent_contact"][:, joints.ahead]
-    rear = (touches @ joints.own_part.T == 0) * sensed["recent_contact"][:, joints.own]
+    rear = (touches @ ~joints.ahead_part.T == 0) * sensed["recent_contact"][:, joints.own]
     xp = find_namespace(genotype)
     at_head = xp.where(joints.own == 0, pitch[:, :1], sensed["inclination_ahead"])
     target = bias + ahead * sensed["inclination_ahead"]

@@ -38,15 +38,13 @@ from evolution._src.controllers.joints import (
     find_namespace,
 )
 from evolution._src.controllers.protocol import Structure
-from symbrion_gym._src.environment.config import SENSORS
 from symbrion_gym._src.robot.scout_constants import SIDES
 
 FREQUENCY = 0.25
 """Frequency at a gene of 0 [Hz]; genes change it by factors of 0.35 to 2.8. At 0.25 Hz a servo of 0.8 rad/s follows
 amplitudes up to 0.5 rad."""
-COUPLING = (
-    4.0  # Rate at which phases approach their lags [1/s]: faster than the oscillation, slower than a tick
-)
+COUPLING = 4.0
+"""Rate at which phases approach their lags [1/s]: faster than the oscillation, slower than a tick."""
 AMPLITUDE_RATE = 8.0  # Rate at which amplitudes approach theirs [1/s]; a body begins to move within a second
 DT = 0.02  # Length of a control tick [s], as that of the environment
 COMMON_GENES = ("log2_frequency", "pitch_ahead", "pitch_behind", "contact_feedback")
@@ -87,13 +85,11 @@ class OscillatorController:
         self.joints, self.drive, self.hinge_range, self.twist_range = joints, drive, hinge_range, twist_range
         self.parent = _find_parents(joints)
         self.can_steer = {1.0, -1.0} <= set(joints.side.tolist())  # whether there are hinges on both sides
-        steers = (self.can_steer or drive.can_turn) and GOAL_SENSOR in SENSORS
         rolls = ("roll",) if joints.has_rolls else ()
-        self.sensors = ("hinge_angle", "pitch", "contact", *rolls, *((GOAL_SENSOR,) if steers else ()))
-        sides = dict(zip(SIDE_GENES, (0.0, 1.0), strict=True)) if self.can_steer else {}
-        genes = (
-            dict(zip(drive.parameters, drive.initial, strict=True)) | dict.fromkeys(COMMON_GENES, 0.0) | sides
-        )
+        goal = (GOAL_SENSOR,) if self.can_steer or drive.can_turn else ()
+        self.sensors = ("hinge_angle", "pitch", "contact", *rolls, *goal)
+        genes = drive.genes | dict.fromkeys(COMMON_GENES, 0.0)
+        genes |= dict(zip(SIDE_GENES, (0.0, 1.0), strict=True)) if self.can_steer else {}
         twists = TWIST_GENES if joints.num_twists else ()
         for kind in (side for side in SIDES if side in joints.dock):
             genes |= {f"{gene}_{kind}": value for gene, value in zip(KIND_GENES, _HINTS[kind], strict=True)}
@@ -119,60 +115,31 @@ class OscillatorController:
         genes = xp.broadcast_to(genotype, (len(observation), len(self.parameters)))
         gene = {name: genes[:, index : index + 1] for index, name in enumerate(self.parameters)}
         amplitude, offset, lag = (self._spread(gene, name) for name in KIND_GENES)
-        amplitude = amplitude * self._compute_stroke(gene, observation, structure)
-        touches = xp.asarray(observation[:, structure["contact"]], dtype=float)[:, self.joints.own] > 0
-        state = self._step(state, gene, amplitude, lag, touches)
-        target = offset + state.amplitude * xp.cos(state.phase)
-        target = (target + self._compute_reflex(gene, observation, structure)) / self.hinge_range
-        tracks = self.drive.act(genes[:, : len(self.drive.parameters)], observation, structure)
-        twists = self._compute_twists(gene, state)
+        if self.can_steer:  # smaller strokes on the side to which the body turns
+            turn = gene["side_bias"] + gene["side_steering"] * compute_bearing(observation, structure)
+            amplitude = amplitude * (1.0 - xp.clip(turn, -1.0, 1.0) * self.joints.side)
+        pitch, contact, *roll = (
+            xp.asarray(observation[:, structure[name]], dtype=float)
+            for name in self.sensors[1:]
+            if name != GOAL_SENSOR
+        )
+        state = self._step(state, gene, amplitude, lag, contact[:, self.joints.own] > 0)
+        ahead = self.joints.compute_inclination_ahead(pitch, *roll)
+        reflex = gene["pitch_ahead"] * ahead + gene["pitch_behind"] * pitch[:, self.joints.own]
+        target = (offset + state.amplitude * xp.cos(state.phase) + reflex) / self.hinge_range
+        twists = xp.zeros((len(target), 0))
+        if self.joints.num_twists:
+            size, middle, delay = (self._spread(gene, name) for name in TWIST_GENES)
+            stroke = xp.clip(state.clock, 0.0, 1.0) * xp.cos(state.phase - delay)
+            twists = (middle + size * stroke) / self.twist_range
+        tracks = self.drive.act(genes[:, : len(self.drive.genes)], observation, structure)
         return xp.concatenate((xp.clip(target, -1.0, 1.0), xp.clip(twists, -1.0, 1.0), tracks), axis=1), state
-
-    def _compute_twists(
-        self, gene: dict[str, Float[Any, "P 1"]], state: OscillatorState
-    ) -> Float[Any, "P t"]:
-        """Return the targets of the rotations of arms, as a share of their range."""
-        xp = find_namespace(state.phase)
-        if not self.joints.num_twists:
-            return xp.zeros((len(state.phase), 0))
-        amplitude, offset, lag = (self._spread(gene, name) for name in TWIST_GENES)
-        stroke = xp.clip(state.clock, 0.0, 1.0) * xp.cos(state.phase - lag)
-        return (offset + amplitude * stroke) / self.twist_range
 
     def _spread(self, gene: dict[str, Float[Any, "P 1"]], name: str) -> Float[Any, "P h"]:
         """Return the gene of each hinge's kind of docking."""
+        first = gene["log2_frequency"]
         columns = [gene[f"{name}_{dock}"] for dock in self.joints.dock]
-        xp = find_namespace(gene["log2_frequency"])
-        return xp.concatenate(columns, axis=1) if columns else xp.zeros((len(gene["log2_frequency"]), 0))
-
-    def _compute_stroke(
-        self,
-        gene: dict[str, Float[Any, "P 1"]],
-        observation: Float[Any, "P O"],
-        structure: Structure,
-    ) -> Float[Any, "#P #h"]:
-        """Return the factor on the amplitudes: smaller on the side to which the body turns."""
-        if not self.can_steer:
-            return find_namespace(observation).ones((1, 1))
-        turn = gene["side_bias"] + gene["side_steering"] * compute_bearing(observation, structure)
-        return 1.0 - find_namespace(turn).clip(turn, -1.0, 1.0) * self.joints.side
-
-    def _compute_reflex(
-        self,
-        gene: dict[str, Float[Any, "P 1"]],
-        observation: Float[Any, "P O"],
-        structure: Structure,
-    ) -> Float[Any, "P h"]:
-        """Return what inclinations add to the targets [rad]."""
-        pitch, roll = (
-            find_namespace(observation).asarray(observation[:, structure[name]], dtype=float)
-            if name in structure
-            else None
-            for name in ("pitch", "roll")
-        )
-        assert pitch is not None
-        ahead = self.joints.compute_inclination_ahead(pitch, roll if self.joints.has_rolls else None)
-        return gene["pitch_ahead"] * ahead + gene["pitch_behind"] * pitch[:, self.joints.own]
+        return find_namespace(first).concatenate((first[:, :0], *columns), axis=1)
 
     def _step(
         self,
@@ -185,8 +152,11 @@ class OscillatorController:
         """Return the state one tick later (explicit Euler)."""
         xp = find_namespace(lag)
         dt, rate = DT, AMPLITUDE_RATE
-        lags = self._add_up(lag)
-        phase = xp.where(state.has_begun, state.phase, state.clock - lags)
+        behind = lag.copy()  # each hinge behind the clock
+        for hinge in np.argsort(self.joints.depth, kind="stable"):
+            if self.parent[hinge] != hinge:
+                behind = add_to_column(behind, hinge, behind[:, self.parent[hinge]])
+        phase = xp.where(state.has_begun, state.phase, state.clock - behind)
         is_root = self.parent == np.arange(len(self.parent))
         before = xp.where(is_root, state.clock, phase[:, self.parent])
         pull = xp.sin(before - phase - lag)
@@ -203,14 +173,6 @@ class OscillatorController:
             amplitude=state.amplitude + dt * speed,
             amplitude_rate=speed,
         )
-
-    def _add_up(self, lag: Float[Any, "P h"]) -> Float[Any, "P h"]:
-        """Return the lag of each hinge behind the clock."""
-        total = lag.copy()
-        for hinge in np.argsort(self.joints.depth, kind="stable"):
-            if self.parent[hinge] != hinge:
-                total = add_to_column(total, hinge, total[:, self.parent[hinge]])
-        return total
 
 
 def _find_parents(joints: Joints) -> Int[np.ndarray, " h"]:

@@ -33,12 +33,7 @@ class HeldDecision(NamedTuple):
 
 
 class PolicyNetwork:
-    """The policy for a body: it follows `Controller`.
-
-    Args:
-        organism: the body.
-        num_tracks: number of track speeds in an action.
-    """
+    """The policy for a body: it follows `Controller`."""
 
     name, version, sensors = "policy_network", "1", SENSORS
 
@@ -47,7 +42,7 @@ class PolicyNetwork:
         self.num_hinges = len(organism.servos)
         self._num_actions = self.num_hinges + num_tracks
         num_inputs = self.num_hinges + 2 * organism.num_modules
-        self.sizes = (num_inputs, *UNITS, self.num_hinges + min(len(self._drive.parameters), 2))
+        self.sizes = (num_inputs, *UNITS, self.num_hinges + min(len(self._drive.genes), 2))
         count = sum((below + 1) * above for below, above in pairwise(self.sizes))
         self.parameters = tuple(f"weight_{index}" for index in range(count))
         self.lower, self.upper = (-LARGEST_WEIGHT,) * count, (LARGEST_WEIGHT,) * count

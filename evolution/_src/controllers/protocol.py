@@ -8,7 +8,6 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from evolution._src.controllers.source import ControllerSource
 from evolution._src.errors import RunError
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.environment.config import SENSORS
@@ -84,10 +83,9 @@ def check_genotypes(controller: Controller, genotypes: Float[np.ndarray, "*P G"]
     """Refuse genotypes that do not fit a controller."""
     genes = controller.parameters
     if genotypes.shape[-1] != len(genes):
-        more = ", ..." if len(genes) > MAX_NAMED_GENES else ""
-        names = f": {', '.join(genes[:MAX_NAMED_GENES])}{more}" if genes else ""
+        names = ", ".join(genes[:MAX_NAMED_GENES])
         raise RunError(
-            f"genotypes of {genotypes.shape[-1]} numbers; {controller.name!r} reads {len(genes)}{names}"
+            f"genotypes of {genotypes.shape[-1]} numbers; {controller.name!r} reads {len(genes)}: {names}"
         )
     if not np.all(np.isfinite(genotypes)):
         raise RunError("a genotype has a number that is not finite")
@@ -96,19 +94,14 @@ def check_genotypes(controller: Controller, genotypes: Float[np.ndarray, "*P G"]
 def warn_of_bounds(controller: Controller, genotypes: Float[np.ndarray, "*P G"], stacklevel: int = 3) -> None:
     """Warn of genes beyond the bounds of a controller, which `evolve` never tries.
 
-    CMA-ES of `evolve` maps samples into the bounds, and learns from what was tried. Genotypes of other searches
-    are neither refused, as laws act beyond their bounds, too, nor clipped: a search that does not know of it would
-    learn from genotypes that were never tried.
-
-    Warns:
-        OutOfBoundsWarning: with the first such gene.
+    Laws act beyond them, too, and a search that does not know that its genotypes are clipped would learn from some
+    that were never tried.
     """
     beyond = (genotypes < np.array(controller.lower)) | (genotypes > np.array(controller.upper))
     if not beyond.any():
         return
     first = tuple(np.argwhere(beyond)[0])
-    gene = first[-1]
-    name, low, high = (getattr(controller, each)[gene] for each in ("parameters", "lower", "upper"))
+    name, low, high = (getattr(controller, each)[first[-1]] for each in ("parameters", "lower", "upper"))
     warnings.warn(
         f"{np.count_nonzero(beyond)} of {beyond.size} genes lie beyond the bounds of controller {controller.name!r}, "
         f"the first is {name} = {genotypes[first]:.4g}, not in {low:g} to {high:g}; they are tried as they are. Give "
@@ -134,36 +127,24 @@ def find_arrays(state: Any) -> list[Any]:
 
 
 def _combine(state: Any, fresh: Any, rows: Any) -> Any:
-    if state is None:
-        return state
     if isinstance(state, tuple):
         parts = [_combine(*pair, rows) for pair in zip(state, fresh, strict=True)]
         return type(state)(*parts) if hasattr(state, "_fields") else tuple(parts)
+    if state is None:
+        return None
     combined = np.array(state)
     combined[rows] = np.asarray(fresh)[rows]
     return combined
 
 
 _MEMBERS = ("name", "version", "sensors", "parameters", "lower", "upper", "initial", "begin", "act")
-"""What a controller has."""
 
 
 class CheckedController:
-    """A controller of a user: what it returns is checked, and its errors end the run instead of failing genotypes.
+    """A controller of a user: what it returns is checked, and its errors end the run instead of failing genotypes."""
 
-    Args:
-        controller: the user's own.
-        num_actions: length of an action.
-        source: where it is found again; None where it cannot be.
-        spec: what the user gave.
-
-    Raises:
-        RunError: it lacks a member of `Controller`, or one is wrong.
-    """
-
-    def __init__(
-        self, controller: Any, num_actions: int, source: ControllerSource | None = None, spec: Any = None
-    ) -> None:
+    def __init__(self, controller: Any, num_actions: int, spec: Any) -> None:
+        """Take the user's own, the length of an action, and what names it."""
         missing = [name for name in _MEMBERS if not hasattr(controller, name)]
         if missing:
             raise RunError(f"controller {controller!r} lacks {', '.join(missing)}; see evolution.Controller")
@@ -171,23 +152,21 @@ class CheckedController:
             value = getattr(controller, member)
             if not isinstance(value, str) or not value:
                 raise RunError(f"{member} of controller {controller!r} is {value!r}; a text is needed")
-        self.controller, self.num_actions, self.source, self.spec = controller, num_actions, source, spec
+        self.controller, self.num_actions, self.spec = controller, num_actions, spec
         self.name, self.version = controller.name, controller.version
         # the pitch if it reads nothing, as environments observe something
         self.sensors = tuple(map(str, controller.sensors)) or ("pitch",)
-        self.parameters = tuple(map(str, controller.parameters))
-        self.lower, self.upper, self.initial = (
-            tuple(map(float, getattr(controller, each))) for each in ("lower", "upper", "initial")
-        )
         for sensor in self.sensors:
             check_choice(f"sensors of controller {self.name!r}", sensor, SENSORS, RunError)
-        self._check_bounds()
-
-    def _check_bounds(self) -> None:
-        sizes = {name: len(getattr(self, name)) for name in ("parameters", "lower", "upper", "initial")}
-        if len(set(sizes.values())) != 1:
-            raise RunError(f"controller {self.name!r} has {sizes}; one number for each parameter is needed")
-        for gene, low, high, first in zip(self.parameters, self.lower, self.upper, self.initial, strict=True):
+        self.parameters = tuple(map(str, controller.parameters))
+        bounds = [tuple(map(float, getattr(controller, each))) for each in ("lower", "initial", "upper")]
+        self.lower, self.initial, self.upper = bounds
+        if any(len(each) != len(self.parameters) for each in bounds):
+            raise RunError(
+                f"controller {self.name!r} has {len(self.parameters)} parameters and {[*map(len, bounds)]} numbers in "
+                "lower, initial and upper; one number for each parameter is needed"
+            )
+        for gene, low, first, high in zip(self.parameters, *bounds, strict=True):
             if not (low <= first <= high and low < high and isfinite(low) and isfinite(high)):
                 raise RunError(
                     f"gene {gene!r} of controller {self.name!r} has lower {low}, initial {first} and upper {high}; "

@@ -19,7 +19,7 @@ from evolution._src.backends.rollout import simulate_bodies, warm_up
 from evolution._src.backends.scoring import Scoring
 from evolution._src.backends.settings import BodyConfig, TrialConfig, take_fields
 from evolution._src.backends.trials import Job, Trials, check_tried, prepare_arena
-from evolution._src.controllers.source import ControllerSource
+from evolution._src.controllers.finding import ControllerSource
 from evolution._src.errors import RunError
 from evolution._src.search.bodies.config import BodyEvolutionConfig
 from evolution._src.search.bodies.genome import make_row

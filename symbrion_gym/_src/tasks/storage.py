@@ -31,14 +31,14 @@ def describe(value: Any) -> Any:
         return [describe(each) for each in value]
     if is_dataclass(value) and not isinstance(value, type):
         given = {each.name: describe(getattr(value, each.name)) for each in fields(value) if each.init}
-        return {"type": _find_name(type(value)), "fields": given}
+        return {"type": find_name(type(value)), "fields": given}
     if isinstance(value, functools.partial):
         if value.args:
             raise TaskError(f"{value!r} has positional arguments; give them by name")
         keywords = {name: describe(each) for name, each in value.keywords.items()}
-        return {"function": _find_name(value.func), "keywords": keywords}
-    if callable(value):
-        return {"function": _find_name(value)}
+        return {"function": find_name(value.func), "keywords": keywords}
+    if callable(value) and hasattr(value, "__qualname__"):
+        return {"function": find_name(value)}
     raise TaskError(f"{value!r} cannot be stored; use numbers, texts, tuples, dataclasses and functions")
 
 
@@ -65,48 +65,60 @@ def restore(content: Any, allow: Collection[str] = ()) -> Any:
         raise TaskError(f"{name} does not take what was stored: {error}") from error
 
 
-def _find_name(value: Any) -> str:
-    """Return "module:name" of a class or function; it must be found there."""
-    module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
-    if not module or not name or module == "__main__" or "<" in name:
+def find_name(value: Any, name: str = "") -> str:
+    """Return "module:name", by which other processes find a function, a class or what a module names."""
+    path = f"{value.__module__}:{name or value.__qualname__}"
+    remedy = "so that it cannot be restored elsewhere; define it at the top of a module that can be imported"
+    if "<" in path:
+        raise TaskError(f"{path} is a lambda or defined inside a function, {remedy}")
+    if path.startswith("__main__:"):
         raise TaskError(
-            f"{value!r} cannot be restored in another process; define it by `def` or `class` at the top of a module "
-            "that can be imported"
+            f"{path} is defined in the program that runs; move it into a module of its own and import it"
         )
-    if _find(module, name) is not value:
-        raise TaskError(
-            f"{module}:{name} is something else than {value!r}; give each function a name of its own"
-        )
-    return f"{module}:{name}"
+    if find_value(path) is not value:
+        raise TaskError(f"{path} has been replaced in its module, {remedy}, by a name of its own")
+    return path
 
 
-def is_allowed(module: str, allow: Collection[str]) -> bool:
-    """Return whether a module is one of those named, or lies in a package that is."""
-    return any(module == each or module.startswith(f"{each}.") for each in allow)
+def find_value(name: str) -> Any:
+    """Import what "module:name" names."""
+    module, _, path = name.partition(":")
+    parts = path.split(".")
+    if not all(part.isidentifier() for part in (*module.split("."), *parts)):
+        raise TaskError(f'is {name!r}; "module:name" is needed, such as "my_package.walking:Wave"')
+    try:
+        found: Any = importlib.import_module(module)
+    except Exception as error:  # importing runs code of the user
+        raise TaskError(
+            f"{name!r}: module {module!r} cannot be imported ({type(error).__name__}: {error}); "
+            "start in the folder that contains it, or add that folder to PYTHONPATH"
+        ) from error
+    for part in parts:
+        if not hasattr(found, part):
+            public = [each for each in dir(found) if not each.startswith("_")]
+            raise TaskError(f"{name!r}: there is no {part!r} in it; there are: {', '.join(public)}")
+        found = getattr(found, part)
+    return found
+
+
+def check_allowed(name: Any, allow: Collection[str]) -> None:
+    """Refuse to import what a file names, unless its module, or a package that it lies in, is allowed."""
+    module = str(name).partition(":")[0]
+    if not any(module == each or module.startswith(f"{each}.") for each in allow):
+        raise TaskError(
+            f"{name!r} is code that a file names, and none is run unless it is allowed: "
+            f"--allow-code {module}, in Python allow=({module!r},)"
+        )
 
 
 def _find_known(name: Any, allow: Collection[str]) -> Any:
     """Return a dataclass or function that a file names, imported only where its module is known or allowed."""
-    module, _, path = name.partition(":") if isinstance(name, str) else ("", "", "")
-    if not is_allowed(module, (*KNOWN_ROOMS, *allow)):
-        raise TaskError(
-            f"{name!r} is not code of this project, and a file runs none unless it is allowed: "
-            f"--allow-code {module}, in Python allow=({module!r},)"
-        )
+    check_allowed(name, (*KNOWN_ROOMS, *allow))
+    module, _, path = str(name).partition(":")
     if any(part.startswith("_") for part in path.split(".")):
         raise TaskError(f"{name!r} is private; a file names public code only")
-    found = _find(module, path)
+    found = find_value(str(name))
     is_kind = isinstance(found, FunctionType) or is_dataclass(found)
     if not is_kind or found.__module__ != module:
         raise TaskError(f"{name!r} is no dataclass and no plain function of that module")
-    return found
-
-
-def _find(module: str, path: str) -> Any:
-    try:
-        found: Any = importlib.import_module(module)
-        for part in path.split("."):
-            found = getattr(found, part)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise TaskError(f"{module}:{path} is not there: {error}; put its module on the path") from error
     return found

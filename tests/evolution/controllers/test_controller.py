@@ -13,7 +13,6 @@ from evolution._src.controllers.controller import (
 )
 from evolution._src.controllers.laws import REACTIVE_GENES
 from evolution._src.errors import RunError
-from symbrion_gym._src.environment.config import EnvironmentConfig
 
 MODULES = 6
 STRUCTURE = {
@@ -23,12 +22,6 @@ STRUCTURE = {
     "track_odometry": slice(17, 18),
 }
 SIZE = 18
-
-
-def make_observations(count: int, seed: int = 0) -> np.ndarray:
-    observation = np.random.default_rng(seed).normal(0, 0.5, (count, SIZE))
-    observation[:, STRUCTURE["contact"]] = np.maximum(observation[:, STRUCTURE["contact"]], 0)
-    return observation
 
 
 def act(name: str, genotype, observation=None, *, ticks: int = 1) -> np.ndarray:
@@ -81,25 +74,6 @@ def place_head(odometry: float) -> np.ndarray:
     return observation
 
 
-def test_touch_lost_for_a_moment_is_touch_and_a_head_beyond_an_edge_lifts_within_half_a_second():
-    """A head that drives over an edge goes on by 2.5 cm in that time."""
-    tick = EnvironmentConfig().dt
-    hanging = np.ones((1, SIZE))
-    hanging[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
-    genes = make_reactive(front_air=0.8)
-    assert not act("reactive", genes, hanging, ticks=round(0.2 / tick)).any()
-    assert act("reactive", genes, hanging, ticks=round(0.5 / tick))[0] == pytest.approx([0.8, 0, 0, 0, 0])
-
-
-def test_a_head_that_is_raised_comes_down_again():
-    tick = EnvironmentConfig().dt
-    hanging = np.ones((1, SIZE))
-    hanging[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
-    genes = make_reactive(front_air=0.8)
-    assert act("reactive", genes, hanging, ticks=round(3.0 / tick)).any()
-    assert not act("reactive", genes, hanging, ticks=round(4.0 / tick)).any()
-
-
 def test_path_gives_each_module_the_slope_of_its_place():
     slopes = np.sin(np.arange(12))
     head = 0.52
@@ -110,38 +84,13 @@ def test_path_gives_each_module_the_slope_of_its_place():
     assert not act("path", np.ones(12), place_head(-5.0)).any()
 
 
-def test_path_of_one_slope_is_straight():
-    assert act("path", np.full(12, 0.7), place_head(0.5))[0] == pytest.approx(np.zeros(5), abs=1e-12)
-
-
-def test_path_finds_steep_modules_close_together():
-    observation = place_head(0.5)
-    observation[0, STRUCTURE["pitch"]] = np.pi / 3
-    slopes = np.linspace(-0.5, 0.6, 12)
-    wanted = np.interp(0.5 - 0.5 * 0.1254 * np.arange(MODULES), KNOTS, slopes)
-    assert act("path", slopes, observation)[0] == pytest.approx(wanted[:-1] - wanted[1:])
-
-
-def test_no_law_reads_what_a_robot_cannot_sense():
-    sensed = {"hinge_angle", "pitch", "contact", "track_odometry"}
+def test_no_law_of_a_snake_reads_what_a_robot_cannot_sense():
     for name in CONTROLLERS:
-        assert set(make_controller(name, MODULES).sensors) <= sensed
-
-
-def test_posture_holds_one_angle_a_hinge():
-    assert act("posture", [0.1, 0.2, 0.3, 0.4, 0.5])[0] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
-
-
-def test_network_is_nothing_without_weights_and_a_bias_with_one():
-    size = len(make_controller("network", MODULES).parameters)
-    assert not act("network", np.zeros(size), make_observations(1)).any()
-    assert act("network", np.eye(size)[-1] * 0.7, make_observations(1))[0] == pytest.approx([0.7] * 5)
+        assert set(make_controller(name, MODULES).sensors) <= STRUCTURE.keys()
 
 
 def test_refusals():
     with pytest.raises(RunError, match="there are: path, reactive, posture"):
         make_controller("psychic", 8)
-    with pytest.raises(RunError, match="at least 2"):
+    with pytest.raises(RunError, match="nothing to control"):
         make_controller("reactive", 1)
-    with pytest.raises(RunError, match="reads 5"):
-        make_controller("posture", 6).check(np.zeros(7))

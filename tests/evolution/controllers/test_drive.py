@@ -16,7 +16,7 @@ def act(drive, *genes: float, bearing: float = 0.0) -> np.ndarray:
 
 def test_without_track_actions_there_is_nothing_to_drive():
     drive = make_drive(snake(3), 0, 1.5)
-    assert drive.parameters == drive.initial == drive.sensors == ()
+    assert (drive.genes, drive.sensors) == ({}, ())
     assert drive.act(np.zeros((4, 0)), np.zeros((4, 2)), GOAL).shape == (4, 0)
 
 
@@ -34,7 +34,7 @@ def test_a_cross_drives_ahead_though_its_arms_look_at_the_middle():
 
 def test_a_single_scout_turns_on_the_spot_and_toward_the_goal():
     drive = make_drive(snake(1), 2, 1.5)
-    assert drive.parameters == ("track_speed_change", "track_turn", "track_steering")
+    assert tuple(drive.genes) == ("track_speed_change", "track_turn", "track_steering")
     assert act(drive, -1.0, 1.0, 0.0) == pytest.approx([-1.0, 1.0])
     assert act(drive, 0.0, 0.0, 1.0, bearing=0.2) == pytest.approx([0.6, 1.0])
     assert act(drive, 0.0, 0.0, 1.0, bearing=-0.2) == pytest.approx([1.0, 0.6])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from evolution._src.controllers.controller import CONTROLLERS, make_law
-from evolution._src.controllers.joints import add_to_column, find_namespace
 from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.world import find_organism
 
@@ -34,13 +33,3 @@ def test_actions_are_those_of_numpy(law, body, tracks):
         found, traced = act(*map(jnp.float32, (seen, genotypes)), traced)
         assert isinstance(found, jax.Array)
         np.testing.assert_allclose(found, wanted, atol=2e-4)
-
-
-def test_columns_are_added_in_place_on_the_host_alone():
-    values = np.zeros((2, 3))
-    assert add_to_column(values, 1, 2.0) is values
-    given = jnp.zeros((2, 3))
-    np.testing.assert_array_equal(add_to_column(given, 1, 2.0), values)
-    assert not np.asarray(given).any()
-    assert find_namespace(values) is np
-    assert find_namespace(given) is jnp

@@ -72,10 +72,7 @@ def test_snakes_act_as_rows_of_modules(law, modules):
             observation[:, structure[name]] for name in ("pitch", "hinge_angle", "contact", "track_odometry")
         )
         ticks = (ticks + 1) * (contact <= 0)
-        airborne, recent = (
-            (ticks > CONTACT_TIMEOUT).astype(float),
-            (ticks <= MAX_AIRBORNE_TICKS).astype(float),
-        )
+        airborne, recent = 1.0 * (ticks > CONTACT_TIMEOUT), 1.0 * (ticks <= MAX_AIRBORNE_TICKS)
         expected = law(pitch, angle, airborne, recent, head, genes)
         action, state = controller.act(observation, genes, structure, state)
         assert np.array_equal(action, np.clip(expected / HINGE_RANGE, -1.0, 1.0))

@@ -96,10 +96,7 @@ def test_path_bends_a_cross_along_its_middle_line_only():
 
 def test_hinges_at_the_same_distance_from_the_head_have_the_same_place():
     weights = np.zeros((1, 37))
-    weights[0, 6], weights[0, 32] = (
-        1.0,
-        1.0,
-    )  # the place of a hinge to the first hidden unit, and this to the output
+    weights[0, [6, 32]] = 1.0  # the place of a hinge to the first hidden unit, and this to the output
     target = act("network", letter_h(3), weights)
     assert target == pytest.approx(np.tanh([-1, 0, -1, -1, 1, 1]))
 

@@ -53,7 +53,7 @@ def test_what_cannot_be_restored_is_refused():
     for function in (lambda state: state.lowest < 0.0, inside, functools.partial(own_terms.is_low, 0.02)):
         with pytest.raises(TaskError, match=r"cannot be restored|by name"):
             Task("mine", terminations=(Termination("low", function),)).as_dict()
-    with pytest.raises(TaskError, match="not there"):
+    with pytest.raises(TaskError, match="there is no"):
         read_task({"function": "symbrion_gym._src.tasks.task:no_such_term"})
     with pytest.raises(TaskError, match="does not take"):
         read_task({"type": "symbrion_gym._src.tasks.route:Start", "fields": {"hight": 1}})
