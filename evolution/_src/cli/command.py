@@ -1,8 +1,9 @@
-"""What all subcommands share: common options, and checks of paths."""
+"""What all subcommands share: common options, checks of values and paths, and the writing of results."""
 
 import abc
 import contextlib
 import dataclasses
+import math
 import os
 import sys
 import zipfile
@@ -10,12 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from evolution._src.cli.console import Console
+from evolution._src.errors import EvolutionError
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.errors import ReconstructionPackageError
 from symbrion_gym._src.assets import NAMED_ARENAS
+from symbrion_gym._src.errors import SymbrionGymError
 
-MISSED = 3  # Exit code where the work is done, but misses what was asked for, under `--strict`
+EXPECTED_ERRORS = (ReconstructionPackageError, SymbrionGymError, EvolutionError, OSError, MemoryError)
+"""What bad input and a full disk raise; anything else is a defect of ours."""
 
 
-class UsageError(ValueError):
+class UsageError(EvolutionError):
     """A command line cannot be executed; the message names the value and a remedy."""
 
 
@@ -28,12 +34,29 @@ class Command(abc.ABC):
     quiet: bool = False
     """Show no progress."""
 
+    def __post_init__(self) -> None:
+        try:
+            self.check()
+        except EXPECTED_ERRORS as error:  # of the library, too: before the work begins they are wrong usage
+            raise UsageError(str(error)) from error
+
+    def check(self) -> None:
+        """Refuse options that cannot be executed, before anything is written."""
+        self.require_least(seed=0, workers=1)
+
     def require_least(self, **least: float) -> None:
         """Refuse options below the smallest value that makes sense; None is no value."""
         for name, value in least.items():
-            given = getattr(self, name)
+            given = getattr(self, name, None)
             if given is not None and not given >= value:
                 raise UsageError(f"--{name.replace('_', '-')} {given} is too few; give {value} or more")
+
+    def require_positive(self, *names: str) -> None:
+        """Refuse options that are not finite numbers above 0; None is no value."""
+        for name in names:
+            given = getattr(self, name)
+            if given is not None and not 0 < given < math.inf:
+                raise UsageError(f"--{name.replace('_', '-')} {given} must be a finite number above 0")
 
     def explain_interruption(self) -> str:
         """Return in a line how the work goes on after an interruption by the keyboard; empty where it does not."""
@@ -51,7 +74,8 @@ class TrustingCommand(Command):
     allow_code: tuple[str, ...] = ()
     """Modules or packages of yours that the files name and that may be imported; no other code of a file is run."""
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        super().check()
         find_modules_here(*(each.partition(".")[0] for each in self.allow_code))
 
 
@@ -62,17 +86,11 @@ class SeededCommand(Command):
     seed: int = 0
     """Seed of all random numbers; equal seeds give equal results."""
 
-    def __post_init__(self) -> None:
-        parent = getattr(super(), "__post_init__", None)
-        if parent is not None:
-            parent()
-        self.require_least(seed=0)
 
-
-def find_modules_here(*names: object) -> None:
+def find_modules_here(*names: str | None) -> None:
     """Let the command line name modules in the working folder, after all others; unless it names code, none
     is found."""
-    if any(isinstance(name, str) and (":" in name or name.isidentifier()) for name in names):
+    if any(name and (":" in name or name.isidentifier()) for name in names):
         with contextlib.suppress(OSError):  # the folder has been removed
             here = os.getcwd()
             if here not in sys.path:
@@ -80,7 +98,7 @@ def find_modules_here(*names: object) -> None:
 
 
 def require_file(path: Path, option: str) -> None:
-    """Refuse a path that is not a readable file, by a `UsageError` that names the option."""
+    """Refuse a path that is not a readable file."""
     if not path.exists():
         raise UsageError(f"{option} {path}: no such file")
     if path.is_dir():
@@ -89,8 +107,10 @@ def require_file(path: Path, option: str) -> None:
         raise UsageError(f"{option} {path} cannot be read; change its permissions")
 
 
-def require_writable_file(path: Path, option: str, endings: tuple[str, ...]) -> None:
-    """Refuse a file that cannot be written, or whose ending is not one of `endings`, by a `UsageError`."""
+def require_writable_file(path: Path | None, option: str, endings: tuple[str, ...]) -> None:
+    """Refuse a file that cannot be written, or whose ending is not one of `endings`; None is no file."""
+    if path is None:
+        return
     if not path.name.lower().endswith(endings):
         raise UsageError(f"{option} {path} has an unknown ending; use one of {', '.join(endings)}")
     if path.is_dir():
@@ -101,7 +121,7 @@ def require_writable_file(path: Path, option: str, endings: tuple[str, ...]) -> 
 
 
 def require_own_archive(path: Path, option: str, member: str) -> None:
-    """Refuse to replace a file at the default place that this command did not write, by a `UsageError`."""
+    """Refuse to replace a file at the default place that this command did not write."""
     if not path.exists():
         return
     if zipfile.is_zipfile(path):
@@ -112,30 +132,24 @@ def require_own_archive(path: Path, option: str, member: str) -> None:
 
 
 def require_writable_folder(path: Path, option: str) -> None:
-    """Refuse a folder that cannot be created or written to, by a `UsageError`."""
+    """Refuse a folder that cannot be created or written to."""
     if path.exists() and not path.is_dir():
         raise UsageError(f"{option} {path} is a file; give a folder")
-    existing = path
-    while (
-        not existing.exists() and existing != existing.parent
-    ):  # the root may be absent, too: a drive on Windows
-        existing = existing.parent
+    # the root may be absent, too: a drive on Windows
+    existing = next((each for each in (path, *path.parents) if each.exists()), path)
     if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
         raise UsageError(f"{option} {path} cannot be written; give another folder")
 
 
 def check_arena(arena: str) -> None:
     """Refuse an arena that is neither the name of a ready-made one nor an existing file or folder."""
-    if arena in NAMED_ARENAS or Path(arena).exists():
-        return
-    raise UsageError(
-        f"no arena '{arena}'; give one of {', '.join(NAMED_ARENAS)}, an arena folder or a mesh file"
-    )
+    if arena not in NAMED_ARENAS and not Path(arena).exists():
+        names = ", ".join(NAMED_ARENAS)
+        raise UsageError(f"no arena '{arena}'; give one of {names}, an arena folder or a mesh file")
 
 
-def check_arena_folder(arena: str) -> None:
-    """Refuse a damaged arena folder before anything is written; what it contains is kept for the run."""
-    if arena not in NAMED_ARENAS and Path(arena).is_dir():
-        from evolution._src.backends.trials import prepare_arena
-
-        prepare_arena(arena)
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file of results, in a folder that need not be there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with write_atomically(path) as beside:
+        beside.write_bytes(content)

@@ -5,7 +5,6 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from types import TracebackType
 from typing import IO, Any
 
 from rich.console import Console as RichConsole
@@ -13,16 +12,10 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 
 from reconstruction._src.base.printable import make_printable
-from reconstruction._src.base.progress import Progress as ProgressCallback
 
 
 class Console:
-    """Draws progress on standard error, so that standard output contains only results.
-
-    Args:
-        quiet: show no progress.
-        mute: print no results.
-    """
+    """Draws progress on standard error, unless `quiet`; standard output contains only results, none if `mute`."""
 
     def __init__(self, quiet: bool = False, mute: bool = False):
         self.quiet = quiet
@@ -44,9 +37,7 @@ class Console:
         self._bars.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._bars.stop()
 
     def print_line(self, text: str) -> None:
@@ -62,9 +53,8 @@ class Console:
 
     def track(self, title: str) -> "Step":
         """Return a step with its own progress bar, for use in a `with` block."""
-        return Step(
-            make_printable(title), self._bars, None if self.quiet or self._rich.is_terminal else self._rich
-        )
+        log = None if self.quiet or self._rich.is_terminal else self._rich
+        return Step(make_printable(title), self._bars, log)
 
 
 class _PlainConsole(RichConsole):
@@ -80,16 +70,7 @@ class _PlainConsole(RichConsole):
 
 
 class Step:
-    """One step of the work: long functions call its `progress`. Without a terminal it prints lines instead of a bar.
-
-    Args:
-        title: what the step does.
-        bars: draws the progress bar.
-        log: prints lines where there is no terminal; None to print none.
-
-    Attributes:
-        seconds: wall time of the step, known when it has ended.
-    """
+    """One step of the work: long functions call its `progress`. Without a terminal it prints lines instead of a bar."""
 
     LOG_INTERVAL = 5.0
     """Shortest time between two lines of progress [s]; a log of an hour has at most 720 of them."""
@@ -98,10 +79,10 @@ class Step:
 
     def __init__(self, title: str, bars: Progress, log: RichConsole | None):
         self.title, self._bars, self._log = title, bars, log
-        self.seconds = 0.0
+        self.seconds = 0.0  # wall time, known when the step has ended
         self._task: TaskID | None = None
         self._start = self._last_line = 0.0
-        self._first: tuple[float, float] | None = None
+        self._first: tuple[float, float] | None = None  # time and fraction of the first report
 
     def __enter__(self) -> "Step":
         self._start = self._last_line = time.perf_counter()
@@ -110,36 +91,27 @@ class Step:
             self._log.print(f"{self.title} ...")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.seconds = time.perf_counter() - self._start
         if self._task is not None and error is None:
             self._bars.update(self._task, completed=1.0, detail="")
         if self._log and error is None:
             self._log.print(f"{self.title}: done in {self.seconds:.1f} s")
 
-    @property
-    def progress(self) -> ProgressCallback:
-        """The callback for the function that does the work."""
-        return self._update
-
-    def _update(self, message: str, fraction: float) -> None:
+    def progress(self, message: str, fraction: float) -> None:
+        """Show what is being done and the fraction done: the callback for the function that does the work."""
         if self._task is not None:
             self._bars.update(self._task, completed=fraction, detail=message)
         now = time.perf_counter()
-        self._first = self._first or (now, fraction)
-        if self._log and now - self._last_line > self.LOG_INTERVAL:
-            self._last_line = now
-            self._log.print(f"  {message} ({fraction:.0%}{self._estimate(now, fraction)})")
-
-    def _estimate(self, now: float, fraction: float) -> str:
-        """Return the time that is left at the speed since the first report, before which a resumed run did nothing."""
-        assert self._first is not None
-        begin, known = self._first
-        if fraction - known <= self.MIN_FRACTION or fraction >= 1:
-            return ""
-        return f", about {(now - begin) * (1 - fraction) / (fraction - known):.0f} s left"
+        self._first = begin, known = self._first or (now, fraction)
+        if not self._log or now - self._last_line <= self.LOG_INTERVAL:
+            return
+        self._last_line, left = now, ""
+        if (
+            fraction - known > self.MIN_FRACTION and fraction < 1
+        ):  # before the first report a resumed run did nothing
+            left = f", about {(now - begin) * (1 - fraction) / (fraction - known):.0f} s left"
+        self._log.print(f"  {message} ({fraction:.0%}{left})")
 
 
 def prepare_streams() -> None:

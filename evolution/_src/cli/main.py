@@ -11,19 +11,14 @@ import logging
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
-from typing import Any
 
 import tyro
 
-from evolution._src.cli.command import Command, UsageError
+from evolution._src.cli.command import EXPECTED_ERRORS, Command, UsageError
 from evolution._src.cli.commands import COMMANDS
 from evolution._src.cli.console import Console, flush_streams, is_unread, prepare_streams
-from evolution._src.cli.usage_errors import flatten_report
-from evolution._src.errors import RunError
-from reconstruction._src.base.errors import ReconstructionError, ScanError
-from reconstruction._src.base.extras import MissingExtraError
+from evolution._src.cli.usage_errors import flatten_report, point_to_help
 from reconstruction._src.base.printable import make_printable
-from symbrion_gym._src.errors import ArenaError, OrganismError
 
 DESCRIPTION = """From a laser scan to a snake of docked robots that crosses the pit.
 
@@ -31,17 +26,6 @@ The pipeline, one subcommand for each step:
 survey (scan an arena) -> reconstruct (points to surface) -> arena (surface to MuJoCo geometry; `view` shows it)
 -> evolve (CMA-ES) -> replay (judge the champion, record a video). `symbrion demo` runs all of them.
 `symbrion --version` prints the version."""
-
-EXPECTED_ERRORS = (
-    ScanError,
-    ReconstructionError,
-    ArenaError,
-    OrganismError,
-    RunError,
-    MissingExtraError,
-    OSError,
-    MemoryError,
-)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -65,8 +49,10 @@ def run(arguments: Sequence[str]) -> int:
         return 0
     try:
         command = _parse(arguments)
-    except SystemExit as end:  # --help, or wrong usage, which is already reported
-        return int(end.code or 0)
+    except UsageError as error:
+        return _fail(point_to_help(str(error), arguments), 2)
+    except SystemExit:  # --help
+        return 0
     console = Console(quiet=command.quiet or command.json, mute=command.json)
     logging.basicConfig(level=logging.WARNING, format="symbrion: %(message)s", stream=sys.stderr)
     try:
@@ -77,11 +63,11 @@ def run(arguments: Sequence[str]) -> int:
     except EXPECTED_ERRORS as error:
         return _fail(error, 1)
     except KeyboardInterrupt:
-        return _fail(
-            "; ".join(filter(None, ("interrupted by the keyboard", command.explain_interruption()))), 130
-        )
+        lines = "interrupted by the keyboard", command.explain_interruption()
+        return _fail("; ".join(filter(None, lines)), 130)
     if command.json:
-        _print_json(summary)
+        with contextlib.suppress(BrokenPipeError):
+            sys.stdout.write(json.dumps(summary, default=_to_plain) + "\n")
     return int(summary.get("exit_code", 0 if summary.get("ok", True) else 1))
 
 
@@ -98,13 +84,10 @@ def _parse(arguments: Sequence[str]) -> Command:
                 config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
                 sort_subcommands=False,
             )
-    except RunError as error:  # of an option that is a part of the configuration
-        sys.exit(_fail(error, 2))
     except SystemExit as end:
         if end.code:
-            _fail(flatten_report(errors.getvalue(), arguments), 2)
-        else:
-            sys.stderr.write(errors.getvalue())
+            raise UsageError(flatten_report(errors.getvalue(), arguments)) from end
+        sys.stderr.write(errors.getvalue())
         raise
 
 
@@ -114,11 +97,6 @@ def _fail(error: object, code: int) -> int:
     with contextlib.suppress(BrokenPipeError):
         sys.stderr.write(f"symbrion: {text}\n")
     return code
-
-
-def _print_json(summary: dict[str, Any]) -> None:
-    with contextlib.suppress(BrokenPipeError):
-        sys.stdout.write(json.dumps(summary, default=_to_plain) + "\n")
 
 
 def _to_plain(value: object) -> object:

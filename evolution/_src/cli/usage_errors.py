@@ -9,32 +9,38 @@ _REPLACED = (
     (r"\[/?bold\]", ""),
     (r"For full helptext, (?:run|see):? ", "See "),
     (r"Argument helptext:.*?(?=See )", ""),
-    (r"Error parsing (?!-)[\w.]+: ", ""),  # the name of a class
     (r"Error parsing (-[\w.-]+): ", r"\1: "),
     (r"invalid literal for int\(\) with base 10: ('.*?')", r"\1 is not a whole number"),
     (r"could not convert string to float: ('.*?')", r"\1 is not a number"),
     (r"\{None\}\|", ""),
+    (r"\s+", " "),
+    (r"[.;]? *See symbrion\b[^;]*--help$", ""),
 )
 _UNION = re.compile(
     r"no type matching (.*?) could be instantiated from \[(.*?)\]\. Got errors: .*?(?= See symbrion|$)"
 )
 _NUMBERS = {"INT": "whole number", "FLOAT": "number"}
 """What stands for numbers in the parser's reports, in words."""
-_POINTER = re.compile(r"[.;]? *See symbrion\b[^;]*--help$")
 _HINT = re.compile(r"(--[\w.-]+) .*? in symbrion (\S+) --help")
 
 
 def flatten_report(report: str, arguments: Sequence[str]) -> str:
     """Return the report of the parser as one line."""
     lines = [re.sub(r"[╭╮╰╯│]", " ", line).strip() for line in report.splitlines()]
-    text = " ".join(line for line in lines[1:] if line.strip("─- "))
+    text = " ".join(line for line in lines[1:] if line.strip("─- ")).strip()
     for pattern, replacement in _REPLACED:
         text = re.sub(pattern, replacement, text)
-    text = _POINTER.sub("", re.sub(r"\s+", " ", text).strip())
     text = _UNION.sub(lambda found: f"{found[2]} is not {_name_kinds(found[1])}", text)
-    command = next((word for word in arguments if word in COMMANDS), "")
-    named = f"symbrion {command}" if command else "symbrion"
-    return f"{_shorten_hints(text, command).rstrip('.;: ')}; see {named} --help"
+    return _shorten_hints(text, _find_command(arguments))
+
+
+def point_to_help(text: str, arguments: Sequence[str]) -> str:
+    """Return a line about a wrong command line that ends with the help of its command."""
+    return f"{text.rstrip('.;: ')}; see {' '.join(('symbrion', _find_command(arguments))).strip()} --help"
+
+
+def _find_command(arguments: Sequence[str]) -> str:
+    return next((word for word in arguments if word in COMMANDS), "")
 
 
 def _name_kinds(kinds: str) -> str:

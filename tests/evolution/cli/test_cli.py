@@ -11,7 +11,7 @@ import toys
 import evolution as ev
 import symbrion_gym as sg
 from evolution._src.cli.commands import COMMANDS
-from evolution._src.cli.commands.evolve import find_replay_arena
+from evolution._src.cli.commands.replay import choose_arena
 from evolution._src.cli.main import run
 
 
@@ -43,7 +43,7 @@ def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(
     assert "sheet.xyz" in line
     assert "limit of 5e-05 GB" in line
     assert "--max-gigabytes" in line
-    assert "not a limit" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
+    assert "above 0" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
     assert not (tmp_path / "a.ply").exists()
     assert run([*words, "--max-gigabytes", "0.001", "--quiet"]) == 0
     assert "the surface extends over x " in capsys.readouterr().out
@@ -81,13 +81,13 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["reconstruct"], "SCAN"),
         (["reconstruct", "absent.ply", "--method", "poisson"], "poisson"),
         (["arena", "absent.ply"], "no such file"),
-        (["evolve", "--modules", "0"], "--modules 0"),
+        (["evolve", "--modules", "0"], "modules must be a whole number from 1 to 50, got 0"),
         (["evolve", "--arena", "nowhere"], "no arena 'nowhere'"),
         (["evolve", "--generations", "0"], "--generations 0"),
         (["evolve", "--goal", "1"], "`FLOAT FLOAT`; see symbrion"),
-        (["evolve", "--organism", "SF0F0000"], "the body has 1 module and no hinge"),
+        (["evolve", "--organism", "SF0F0000"], "a body of 1 module has no hinge"),
         (["evolve", "--organism", "H", "--modules", "8"], "modules is 8 and organism, too, is given"),
-        (["evolve", "--workers", "0"], "--workers 0"),
+        (["evolve", "--workers", "0"], "--workers 0 is too few"),
         (["resume", "absent"], "contains no run"),
         (["resume", "absent", "--seed", "1"], "--seed"),
         (["resume", "absent", "--backend", "cluster"], "cluster"),
@@ -189,10 +189,10 @@ def test_a_search_for_bodies_is_replayed_and_has_no_curve(
     told = json.loads(capsys.readouterr().out)
     assert (told["trials"], told["arena"]) == (1, arena)
     assert "give --bodies" in refuse(["evolve", "--algorithm", "random", "--folder", f"{folder}2"], 2, capsys)
-    for wrong in (["0", "3"], ["8", "1"]):
-        assert f"--bodies {' '.join(wrong)}: give" in refuse(["evolve", "--bodies", *wrong], 2, capsys)
+    for wrong, message in ((["0", "3"], "smallest must be"), (["8", "1"], "smallest <= largest")):
+        assert message in refuse(["evolve", "--bodies", *wrong], 2, capsys)
     on_device = ["evolve", "--bodies", "1", "3", "--backend", "warp"]
-    assert "--backend warp: --bodies needs one of batch" in refuse(on_device, 2, capsys)
+    assert "backend: there is no 'warp'; there are: batch" in refuse(on_device, 2, capsys)
 
 
 DAMAGE = {
@@ -249,4 +249,4 @@ def test_a_damaged_file_of_waypoints_is_refused(tmp_path: Path, capsys: pytest.C
     [("gsrm", "truth"), ("truth", "truth"), ("arenas/mine", "arenas/mine"), ("stairs", "stairs")],
 )
 def test_a_champion_of_an_own_arena_is_replayed_there(arena: str, wanted: str) -> None:
-    assert find_replay_arena(arena) == wanted
+    assert choose_arena(arena) == wanted

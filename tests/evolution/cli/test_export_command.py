@@ -8,7 +8,7 @@ import mujoco
 import pytest
 
 import symbrion_gym as sg
-from evolution._src.cli.commands.export import Export
+from evolution._src.cli.commands.view import Export
 from evolution._src.cli.main import run
 from symbrion_gym._src.arenas.export.export import FORMATS
 

@@ -161,7 +161,7 @@ def test_a_depth_image_becomes_a_surface_with_its_viewpoint(tmp_path: Path, caps
         ("a.xyz", ["--intrinsics", "1", "1", "0", "0"], "belong to a depth image"),
         ("a.png", ["--intrinsics", "1", "1", "0", "0", "--up", "y"], "no --unit, --up or --viewpoint"),
         ("a.xyz", ["--depth-scale", "0.1"], "give --intrinsics, too"),
-        ("a.xyz", ["--scale", "0"], "--scale 0.0 is not a factor"),
+        ("a.xyz", ["--scale", "0"], "--scale 0.0 must be a finite number above 0"),
         ("a.xyz", ["--viewpoint", "0", "0"], "viewpoint"),
         ("a.xyz", ["--viewpoint", "0", "0", "nan"], "--viewpoint"),
         ("a.xyz", ["--unit", "inch"], "inch"),

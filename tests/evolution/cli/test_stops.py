@@ -7,7 +7,7 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution._src.cli.commands.evolve_bodies import describe_stop
+from evolution._src.cli.commands.evolve import describe_stop
 from evolution._src.cli.main import run
 
 SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2"]

@@ -9,7 +9,6 @@ import reconstruction as rc
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.commands.survey import Survey, read_path
 from evolution._src.cli.main import run
-from symbrion_gym._src.sensing.survey import SurveyRobot
 
 PLACES = [[-1.0, 1.6], [0.2, 2.8]]
 
@@ -41,10 +40,6 @@ def test_a_json_file_of_something_else_is_refused(tmp_path):
 def test_impossible_robots_are_refused(option):
     with pytest.raises(UsageError, match="--"):
         Survey(**option)
-
-
-def test_without_options_it_is_the_default_robot():
-    assert Survey().make_robot() == SurveyRobot()
 
 
 def test_a_short_drive_is_logged(tmp_path):

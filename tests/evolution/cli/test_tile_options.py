@@ -36,7 +36,7 @@ def test_a_scan_becomes_a_folder_of_tiles(scan: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--tile", "-1"], "--tile: tile is -1"),
+        (["--tile", "-1"], "tile is -1"),
         (["--tile", "5", "--workers", "0"], "--workers 0 is too few"),
         (["--tile", "5", "--units", "100"], "--units does not go with --tile; use --units-per-area"),
         (["--tile", "5", "--thin", "0.1"], "--thin does not go with --tile"),

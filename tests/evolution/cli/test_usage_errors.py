@@ -13,7 +13,7 @@ from evolution._src.cli.main import run
         ("evolve --bodies x", "--bodies: 'x' is not whole numbers; see symbrion evolve --help"),
         (
             "evolve --bodies 2 1",
-            "for example --bodies 1 8; or one number for both; see symbrion evolve --help",
+            "smallest <= largest modules, got 2 and 1; see symbrion evolve --help",
         ),
         (
             "evolve --bodies 1 2 3",

@@ -4,12 +4,12 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution._src.cli.way_warning import warn_of_way
+from evolution._src.cli.commands.evolve import warn_of_way
 
 
 def warn(arena, task, **options):
     config = ev.BodyEvolutionConfig(arena=str(arena), task=task, track_control="skid", **options)
-    warn_of_way(config, sg.snake(1), sg.snake(8))
+    warn_of_way(config)
 
 
 @pytest.fixture(scope="module")

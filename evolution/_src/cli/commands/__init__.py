@@ -3,15 +3,12 @@
 from evolution._src.cli.command import Command
 from evolution._src.cli.commands.arena import Arena
 from evolution._src.cli.commands.bench_suite import BenchSuite
-from evolution._src.cli.commands.demo import Demo
 from evolution._src.cli.commands.evolve import Evolve, Resume
-from evolution._src.cli.commands.export import Export
-from evolution._src.cli.commands.paper import Paper
+from evolution._src.cli.commands.experiments import Demo, Paper, Swarm
 from evolution._src.cli.commands.reconstruct import Reconstruct
 from evolution._src.cli.commands.replay import Replay
 from evolution._src.cli.commands.survey import Survey
-from evolution._src.cli.commands.swarm import Swarm
-from evolution._src.cli.commands.view import View
+from evolution._src.cli.commands.view import Export, View
 
 COMMANDS: dict[str, type[Command]] = {
     "survey": Survey,
@@ -27,5 +24,3 @@ COMMANDS: dict[str, type[Command]] = {
     "paper": Paper,
     "bench-suite": BenchSuite,
 }
-
-__all__ = ["COMMANDS", "Command"]

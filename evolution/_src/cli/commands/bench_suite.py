@@ -39,23 +39,19 @@ class BenchSuite(TrustingCommand):
     """Output file: the submission (.json) of run, written after each entry and continued where it exists; the page
     (.html) of board."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.action in ("verify", "board"):
-            if not self.files:
-                raise UsageError(f"{self.action}: no submission; give one or more files")
-            for file in self.files:
-                require_file(file, "FILE")
-        elif self.files:
-            raise UsageError(f"{self.action} takes no files; verify and board do")
+    def check(self) -> None:
+        super().check()
+        if bool(self.files) != (self.action in ("verify", "board")):
+            raise UsageError(f"{self.action}: verify and board take one or more submissions, others none")
+        for file in self.files:
+            require_file(file, "FILE")
         if self.action in ("run", "board"):
             if self.out is None:
                 raise UsageError(f"{self.action}: --out is missing; give the file to be written")
             require_writable_file(self.out, "--out", (".json",) if self.action == "run" else (".html",))
-        if min(self.seeds, default=-1) < 0 or self.workers < 1:
-            raise UsageError("--seeds are needed, from 0, and --workers, from 1")
-        if self.budget is not None and not 0.0 < self.budget <= 1e6:
-            raise UsageError(f"--budget {self.budget} is not above 0, up to 1e6 s")
+        if min(self.seeds, default=-1) < 0:
+            raise UsageError("--seeds are needed, from 0")
+        self.require_positive("budget")
 
     def run(self, console: Console) -> dict[str, Any]:
         """Do what the action says."""
@@ -73,16 +69,10 @@ class BenchSuite(TrustingCommand):
         from evolution._src.suite.baselines import run_suite
         from evolution._src.suite.tasks import BUDGET
 
-        assert self.out is not None
+        budget = self.budget or BUDGET
         with console.track(f"Baseline {self.method}") as step:
             submission = run_suite(
-                self.method,
-                self.seeds,
-                self.tasks,
-                self.budget or BUDGET,
-                self.workers,
-                step.progress,
-                out=self.out,
+                self.method, self.seeds, self.tasks, budget, self.workers, step.progress, out=self.out
             )
         console.print_line(f"{self.out}: {format_count(len(submission.entries), 'entry', 'entries')}")
         return {"out": self.out, "entries": len(submission.entries), "seconds": step.seconds}
@@ -90,39 +80,30 @@ class BenchSuite(TrustingCommand):
     def _verify(self, console: Console) -> dict[str, Any]:
         from evolution._src.suite.submission import load_submission, verify
 
-        failed = 0
-        rows = []
+        failed, rows = 0, []
         for file in self.files:
             with console.track(f"Verification of {file}") as step:
                 checks = verify(load_submission(file), step.progress, self.tasks, self.allow_code)
             for check in checks:
+                entry = check.entry
                 failed += not check.holds
-                told, found = check.entry.truth, check.truth
-                pairs = (told, found), (check.entry.scan, check.scan)
-                scores = [f"{each.successes}, {each.fitness:.3f}" for pair in pairs for each in pair]
-                rows.append(
-                    [check.entry.task, str(check.entry.seed), *scores, "yes" if check.holds else "NO"]
-                )
+                tried = entry.truth, check.truth, entry.scan, check.scan
+                scores = [f"{each.successes}, {each.fitness:.3f}" for each in tried]
+                rows.append([entry.task, str(entry.seed), *scores, "yes" if check.holds else "NO"])
         head = [f"{place}, {when}" for place in ("truth", "scan") for when in ("submitted", "again")]
         console.show_table("Verified: successes of 10, fitness", ["task", "seed", *head, "holds"], rows)
         return {"entries": len(rows), "failed": failed, "ok": not failed}
 
     def _board(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion bench-suite board`", "report")
-        from evolution._src.suite.leaderboard import (
-            SHARED,
-            SHORT_COLUMNS,
-            count_wins,
-            make_page,
-            rank,
-            shorten_rows,
-        )
+        from evolution._src.suite import leaderboard
         from evolution._src.suite.submission import load_submission
 
         assert self.out is not None
         submissions = [load_submission(file) for file in self.files]
         title = "Successes of 10 in the truth and on the scan, fitness in the truth"
-        console.show_table(title, list(SHORT_COLUMNS), shorten_rows(rank(submissions)))
-        make_page(submissions).write(self.out)
-        wins, ties = count_wins(submissions), count_wins(submissions, SHARED)
-        return {"out": self.out, "tasks_led": wins, "tasks_tied": ties}
+        rows = leaderboard.shorten_rows(leaderboard.rank(submissions))
+        console.show_table(title, list(leaderboard.SHORT_COLUMNS), rows)
+        leaderboard.make_page(submissions).write(self.out)
+        ties = leaderboard.count_wins(submissions, leaderboard.SHARED)
+        return {"out": self.out, "tasks_led": leaderboard.count_wins(submissions), "tasks_tied": ties}

@@ -1,10 +1,10 @@
-"""`symbrion evolve` and `symbrion resume`: search for a controller that does a task."""
+"""`symbrion evolve` and `symbrion resume`: search for a controller that does a task, or for a body."""
 
 import dataclasses
 import json
+import logging
 import os
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,27 +17,28 @@ from evolution._src.cli.command import (
     TrustingCommand,
     UsageError,
     check_arena,
-    check_arena_folder,
     find_modules_here,
     require_writable_folder,
-)
-from evolution._src.cli.commands.evolve_bodies import (
-    make_bodies_config,
-    name_flag,
-    resume_run_of_bodies,
-    run_bodies,
+    write_file,
 )
 from evolution._src.cli.console import Console
-from evolution._src.cli.way_warning import warn_of_way
-from evolution._src.search.bodies.config import ALGORITHMS, BodiesConfig
+from evolution._src.search.bodies.config import ALGORITHMS
+from evolution._src.search.bodies.run import BodyRun, describe_success, format_fitness, list_once
 from evolution._src.search.run import RunFolder
+from reconstruction._src.base.extras import find_missing
 from reconstruction._src.base.range_checks import format_count
-from symbrion_gym._src.assets import SCANNED
+from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import STARTS
+from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import snake
 
-MODELS_OF_TRUTH = ("truth", "simple", *SCANNED)  # Named arenas that are the true course or models of it
 Place = tuple[float, float]  # x and y [m]
+PICTURE = "bodies.png"  # Of the fittest bodies, in the run folder
+MAX_DRAWN = 24
+WARNED_TASK = "traverse"
+"""The task whose way is to be drivable: of others, such as climb and cross_gap, crossing is the point."""
+
+logger = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -75,12 +76,12 @@ class Evolve(SeededCommand):
     """The scoring, "module:name" of a function of (outcome, body)."""
     bodies: Annotated[tuple[int, ...] | None, tyro.conf.arg(metavar="MIN MAX")] = None
     """Search for bodies of this many modules at least and at most (one number: both); each learns its controller."""
-    algorithm: Literal[ALGORITHMS] = BodiesConfig.algorithm  # pyright: ignore[reportInvalidTypeForm]
+    algorithm: Literal[ALGORITHMS] = ev.BodiesConfig.algorithm  # pyright: ignore[reportInvalidTypeForm]
     """How --bodies are searched."""
     population: int | None = None
     """Genotypes of a generation, or new bodies of an iteration of --bodies. Default: 12, or 9 bodies."""
-    trials: int = ev.EvolutionConfig.trials
-    """Trials of each genotype."""
+    trials: int | None = None
+    """Trials of each genotype of one body. Default: 3."""
     generations: int | None = None
     """Limit on the generations, or on the iterations of --bodies. Default: 50; 20 with --bodies."""
     workers: int = os.cpu_count() or 1
@@ -92,119 +93,52 @@ class Evolve(SeededCommand):
     folder: Path = Path("runs/latest")
     """The run folder."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def check(self) -> None:
+        super().check()
         find_modules_here(*(each for each in (self.task, self.controller, self.fitness) if ":" in str(each)))
         check_arena(self.arena)
         self.require_least(generations=1)
         require_writable_folder(self.folder, "--folder")
-        _check_goal(self.goal)
-        if self.bodies is None:
-            if self.algorithm != BodiesConfig.algorithm:
-                raise UsageError("--algorithm is of a search for bodies; give --bodies MIN MAX")
-            self.make_config()
-        else:
-            self.make_bodies_config()
+        if isinstance(self.goal, str) and not self.goal.strip("+-.0123456789"):
+            raise UsageError(f"--goal {self.goal}: a known object is a name, a place is `FLOAT FLOAT`")
+        self.make_config()
 
     def explain_interruption(self) -> str:
-        return describe_interruption(self.folder)
+        return propose_resume(self.folder)
 
-    def make_config(self) -> "ev.EvolutionConfig":
+    def make_config(self) -> ev.EvolutionConfig | ev.BodyEvolutionConfig:
         """Return the configuration of the run."""
-        fields = self._list_common() | {
-            "organism": self.organism,
-            "trials": self.trials,
-        }
-        optional = {
-            "modules": self.modules,
-            "population_size": self.population,
-            "generations": self.generations,
-        }
-        fields |= {name: value for name, value in optional.items() if value is not None}
-        return _make(ev.EvolutionConfig, fields)
-
-    def make_bodies_config(self) -> "ev.BodyEvolutionConfig":
-        """Return the configuration of a search for bodies."""
-        for name in ("modules", "organism"):
-            value = getattr(self, name)
-            if value:
-                flag = f"--{name.replace('_', '-')}"
-                raise UsageError(
-                    f"{flag} is of one body, and --bodies searches for bodies; leave out one of them"
-                )
-        if self.trials != ev.EvolutionConfig.trials:
-            raise UsageError("--trials is of one body; see `ev.LearningConfig` for what a body may learn")
-        assert self.bodies is not None
-        return make_bodies_config(
-            self._list_common(),
-            bodies=self.bodies,
-            algorithm=self.algorithm,
-            iterations=self.generations,
-            children=self.population,
-        )
-
-    def _list_common(self) -> dict[str, Any]:
-        """Return the fields of both kinds of search."""
-        fields: dict[str, Any] = {
-            "arena": self.arena,
-            "seed": self.seed,
-            "task": self.task,
-            "start": self.start,
-            "goal": self.goal,
-            "environment": read_environment(self.environment),
-            "workers": self.workers,
-            "backend": self.backend,
-            "address": self.address,
-            "folder": str(self.folder),
-        }
-        optional = {"controller": self.controller, "scoring": self.fitness}
-        return fields | {name: value for name, value in optional.items() if value is not None}
+        names = ("arena", "seed", "task", "start", "goal", "controller", "workers", "backend", "address")
+        fields: dict[str, Any] = {name: getattr(self, name) for name in names}
+        fields |= {"scoring": self.fitness, "folder": str(self.folder)}
+        fields["environment"] = {name: _read_value(text) for name, text in self.environment}
+        own = {"modules": self.modules, "organism": self.organism, "trials": self.trials}
+        if self.bodies is None:
+            if self.algorithm != ev.BodiesConfig.algorithm:
+                raise UsageError("--algorithm is of a search for bodies; give --bodies MIN MAX")
+            fields |= own | {"population_size": self.population, "generations": self.generations}
+            return ev.EvolutionConfig(**_drop_absent(fields))
+        given = next(iter(_drop_absent(own)), None)
+        if given:
+            raise UsageError(
+                f"--{given} is of one body, and --bodies searches for bodies; leave out one of them"
+            )
+        if len(self.bodies) not in (1, 2):
+            raise UsageError("--bodies: give MIN MAX, for example --bodies 1 8; or one number for both")
+        sizes = {"smallest": self.bodies[0], "largest": self.bodies[-1], "algorithm": self.algorithm}
+        # the first iteration is no longer than others
+        sizes |= {"children": self.population, "population_size": self.population}
+        fields |= {"bodies": ev.BodiesConfig(**_drop_absent(sizes)), "iterations": self.generations}
+        if self.bodies[0] == 1:
+            fields["environment"] = {"track_control": "skid"} | fields["environment"]
+        return ev.BodyEvolutionConfig(**_drop_absent(fields))
 
     def run(self, console: Console) -> dict[str, Any]:
-        check_arena_folder(self.arena)
-        if self.bodies is not None:
-            found = self.make_bodies_config()
-            warn_of_way(found, snake(found.bodies.smallest), snake(found.bodies.largest))
-            return run_bodies(found, console)
         config = self.make_config()
-        body = config.find_organism()
-        warn_of_way(config, body, body)
-        with console.track(f"Evolution, {format_count(config.modules, 'module')}") as step:
+        warn_of_way(config)
+        with console.track(f"Evolution in {self.arena}") as step:
             run = ev.evolve(config, progress=step.progress)
         return report_run(run, console)
-
-
-def describe_interruption(folder: Path) -> str:
-    """Return how an interrupted run goes on; empty where it has not begun."""
-    if not (folder / "config.json").is_file():
-        return ""
-    return f"all but what was unfinished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
-
-
-def read_environment(pairs: tuple[tuple[str, str], ...]) -> dict[str, Any]:
-    """Return options of the environment, their values read as JSON where they are such."""
-
-    def read(text: str) -> Any:
-        try:
-            return json.loads(text)
-        except ValueError:
-            return text
-
-    return {name: read(text) for name, text in pairs}
-
-
-def _make(kind: Callable[..., Any], fields: dict[str, Any]) -> Any:
-    """Return a configuration."""
-    try:
-        return kind(**fields)
-    except ev.RunError as error:
-        raise UsageError(name_flag(str(error), fields)) from error
-
-
-def _check_goal(goal: object) -> None:
-    """Refuse a single number: a word is a known object, and a place has two numbers."""
-    if isinstance(goal, str) and not goal.strip("+-.0123456789"):
-        raise UsageError(f"--goal {goal}: a known object is a name, a place is `FLOAT FLOAT`")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -220,26 +154,37 @@ class Resume(TrustingCommand):
     """New limit on the generations, or on the iterations of a search for bodies. Default: as recorded."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
-    backend: Literal["batch", "processes", "ray", "warp"] | None = None
+    backend: Literal[BACKENDS] | None = None  # pyright: ignore[reportInvalidTypeForm]
     """Where simulations run: threads (batch), processes, a Ray cluster, or a GPU (warp). Default: as recorded."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def check(self) -> None:
+        super().check()
         require_run(self.folder)
-        self.require_least(workers=1)
 
     def explain_interruption(self) -> str:
-        return describe_interruption(self.folder)
+        return propose_resume(self.folder)
 
     def run(self, console: Console) -> dict[str, Any]:
-        options = {name: getattr(self, name) for name in ("generations", "workers", "backend")}
-        changes: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
-        changes["allow"] = self.allow_code
-        if RunFolder(self.folder).has_bodies():
-            return resume_run_of_bodies(self.folder, changes, console)
+        length = "iterations" if RunFolder(self.folder).has_bodies() else "generations"
+        changes = {length: self.generations, "workers": self.workers, "backend": self.backend}
         with console.track(f"Evolution in {self.folder}") as step:
-            run = ev.resume(self.folder, progress=step.progress, **changes)
+            run = ev.resume(
+                self.folder, progress=step.progress, allow=self.allow_code, **_drop_absent(changes)
+            )
         return report_run(run, console)
+
+
+def _drop_absent(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options that are given."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _read_value(text: str) -> Any:
+    """Return the value of an option of the environment: JSON, or the text itself."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
 def require_run(folder: Path) -> None:
@@ -248,33 +193,105 @@ def require_run(folder: Path) -> None:
         raise UsageError(f"{folder} contains no run; `symbrion evolve --folder {folder}` starts one")
 
 
-def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
-    """Print the results of a run, and return them as a summary."""
-    last = run.history[-1] if len(run.history) else None
+def propose_resume(folder: Path) -> str:
+    """Return how an interrupted run goes on; empty where it has not begun."""
+    if not (folder / "config.json").is_file():
+        return ""
+    return f"all but what was unfinished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
+
+
+def warn_of_way(config: ev.EvolutionConfig | ev.BodyEvolutionConfig) -> None:
+    """Log one line if the way of a search over a scan leaves drivable ground; a task that fails says so itself."""
+    is_known = config.arena in NAMED_ARENAS or isinstance(
+        config.goal, str
+    )  # a named course, or a known object
+    if config.task != WARNED_TASK or is_known:
+        return
+    from evolution._src.backends.trials import prepare_arena
+    from symbrion_gym._src.tasks.paths import find_broken_traverse
+
+    is_bodies = isinstance(config, ev.BodyEvolutionConfig)
+    smallest, largest = map(snake, config.bodies.limits) if is_bodies else [config.find_organism()] * 2
+    arena: Any = prepare_arena(config.arena)
+    try:
+        way = find_broken_traverse(arena, smallest, largest, config.start or "floor", config.goal)  # pyright: ignore[reportArgumentType]
+    except ArenaError:
+        return
+    if way is None:
+        return
+    bodies = format_count(largest.num_modules, "module")
+    if smallest.num_modules < largest.num_modules:
+        bodies = f"bodies of {smallest.num_modules} to {bodies}"
+    remedy = f"`symbrion view {config.arena}` shows where to drive"
+    if way.other is not None:
+        start, goal = (" ".join(f"{value:g}" for value in place) for place in way.other)
+        remedy = f"a straight way that can be driven, in place of --task {config.task}: --start {start} --goal {goal}"
+    logger.warning(
+        "the way of --task %s, from %s to %s, leaves the ground on which %s are known to drive (steps, slopes, "
+        "gaps): many fail there, perhaps all; %s",
+        *(config.task, way.start, way.finish, bodies, remedy),
+    )
+
+
+def report_run(run: ev.Run, console: Console) -> dict[str, Any]:
+    """Confirm the champion of bodies, print the results of a run, and return them as a summary."""
+    if isinstance(run, BodyRun) and run.best is not None and run.confirmation is None:
+        with console.track("Fresh trials of the fittest bodies") as step:
+            confirmation = ev.confirm(run, progress=step.progress)
+        run = dataclasses.replace(run, champion=confirmation.champion, confirmation=confirmation)
+    done, champion, folder = len(run.history), run.champion, shlex.quote(str(run.folder))
     summary: dict[str, Any] = {
         "folder": run.folder,
-        "generations": len(run.history),
-        "evaluations": int(last["evaluations"]) if last is not None else 0,
+        "generations": done,
+        "evaluations": int(run.history[-1]["evaluations"]) if done else 0,
         "solved": run.is_solved,
-        "champion": run.champion.as_dict() if run.champion else None,
+        "champion": champion.as_dict() if champion else None,
     }
-    console.print_line(
-        f"{format_count(summary['generations'], 'generation')}, {summary['evaluations']} genotypes in {run.folder}"
-    )
-    if run.champion and run.champion.trials:
-        rate = f"{run.champion.successes} of {run.champion.trials}"
-        body = format_count(run.champion.modules, "module")
-        console.print_line(f"champion, {body}: succeeds in {rate} fresh trials in {run.champion.arena}")
-        arena = find_replay_arena(run.champion.arena)
-        console.print_line(f"next: symbrion replay {run.folder} --arena {arena} --video champion.mp4")
-    else:
-        console.print_line(
-            "no genotype has succeeded in all of its trials yet; more learning may help: symbrion resume "
-            f"{shlex.quote(str(run.folder))} --generations {2 * run.config.generations}"
-        )
+    count = format_count(done, run.config.STEP)
+    console.print_line(f"{count}, {summary['evaluations']} genotypes in {run.folder}")
+    if isinstance(run, BodyRun):
+        summary |= _report_bodies(run, console)
+    elif champion and champion.trials:
+        rate = f"{champion.successes} of {champion.trials} fresh trials in {champion.arena}"
+        console.print_line(f"champion, {format_count(champion.modules, 'module')}: succeeds in {rate}")
+    console.print_line(describe_stop(run))
+    if not (champion and champion.successes):
+        console.print_line("no success yet: more learning may help, or an easier way (--start, --goal)")
+    if champion and (champion.trials or isinstance(run, BodyRun)):
+        console.print_line(f"next: symbrion replay {folder} --video champion.mp4")
     return summary
 
 
-def find_replay_arena(arena: str) -> str:
-    """Return the arena in which to test a champion: the true course for models of it, else the champion's own."""
-    return "truth" if arena in MODELS_OF_TRUTH else arena
+def describe_stop(run: ev.Run) -> str:
+    """Return in one line what has stopped a search, and the command that goes on."""
+    done = len(run.history)
+    if done < run.config.length:
+        return "solved" if run.is_solved else "every body has learned to the end: nothing is left to be tried"
+    return (
+        f"stopped by --generations {run.config.length}; to go on: symbrion resume {shlex.quote(str(run.folder))} "
+        f"--generations {max(2 * done, 1)}"
+    )
+
+
+def _report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
+    """Print what bodies have learned, draw the best ones, and return the results."""
+    confirmation, bodies = run.confirmation, len(list_once(run.results))
+    best = run.best if confirmation is None else confirmation.result
+    fresh_seconds = 0.0 if confirmation is None else confirmation.seconds
+    count = format_count(bodies, "body", "bodies")
+    console.print_line(f"{count}, {run.seconds:.0f} s simulated, {fresh_seconds:.0f} s in fresh trials")
+    summary = {"bodies": bodies, "simulated_seconds": run.seconds, "fresh_seconds": fresh_seconds}
+    if best is None:
+        return summary
+    plan = best.body.to_plan()
+    modules = format_count(best.body.num_modules, "module")
+    console.print_line(f"best body, {modules}, {plan}: {describe_success(run)}")
+    if run.folder is not None and not find_missing("report"):
+        from evolution._src.report.figures import draw_bodies, to_png
+
+        ranked = sorted(run.results, key=lambda each: (each.level, each.fitness), reverse=True)
+        shown = list_once(ranked)[:MAX_DRAWN]
+        captions = [format_fitness(run, each.fitness) for each in shown]
+        write_file(run.folder / PICTURE, to_png(draw_bodies([each.body for each in shown], captions)))
+        console.print_line(f"the best bodies: {run.folder / PICTURE}")
+    return summary | {"plan": plan, "confirmed": confirmation is not None}

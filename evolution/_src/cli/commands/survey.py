@@ -18,7 +18,7 @@ from evolution._src.cli.command import (
     require_writable_file,
 )
 from evolution._src.cli.console import Console
-from reconstruction._src.base.typed_json import as_type, read_json
+from reconstruction._src.base.typed_json import read_json
 from symbrion_gym._src.sensing.survey_robot import LaserScanner, SurveyRobot
 
 PATH_ENDINGS = (".csv", ".txt", ".json")
@@ -50,25 +50,24 @@ class Survey(SeededCommand):
     friction: bool = False
     """Let docked Scouts drive over the arena as well and feel its friction by the slip of their tracks."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def check(self) -> None:
+        super().check()
         check_arena(self.arena)
         require_writable_file(self.out, "--out", (".npz",))
         if self.out == Survey.out:
             require_own_archive(self.out, "--out", "ranges")
         self.require_least(beams=2, noise=0)
-        if not 0 < self.speed < np.inf:
-            raise UsageError(f"--speed {self.speed} must be above 0")
+        self.require_positive("speed")
         if self.path is not None:
             read_path(self.path)
 
     def run(self, console: Console) -> dict[str, Any]:
-        path = None if self.path is None else read_path(self.path)
+        scanner = LaserScanner(num_beams=self.beams, noise=self.noise)
         with console.track(f"Survey of {self.arena}") as step:
             log = sg.survey(
                 self.arena,
-                path=path,
-                sensor=self.make_robot(),
+                path=None if self.path is None else read_path(self.path),
+                sensor=SurveyRobot(scanner=scanner, speed=self.speed),
                 seed=self.seed,
                 progress=step.progress,
                 camera=self.camera,
@@ -82,31 +81,24 @@ class Survey(SeededCommand):
         slip = {} if log.slip is None else {"slip_ticks": len(log.slip)}
         return {"log": self.out, "scans": scans, "beams": beams, "seconds": step.seconds, **slip}
 
-    def make_robot(self) -> SurveyRobot:
-        """Return the robot that the options describe."""
-        return SurveyRobot(scanner=LaserScanner(num_beams=self.beams, noise=self.noise), speed=self.speed)
-
 
 def read_path(text: str) -> Float[np.ndarray, "W 2"]:
     """Read waypoints from "X,Y X,Y ..." or from a file of them [m]."""
     file = Path(text.strip())
+    if file.name.lower().endswith(PATH_ENDINGS):
+        require_file(file, "--path")
     try:
-        if file.name.lower().endswith(PATH_ENDINGS):
-            require_file(file, "--path")
-            if file.suffix.lower() == ".json":
-                rows = as_type(read_json(file), list[tuple[float, float]], "waypoints")
-            else:
-                lines = file.read_text(encoding="utf-8").splitlines()
-                rows = [line.replace(",", " ").split() for line in lines if line.strip()]
+        if file.suffix.lower() == ".json":
+            rows = read_json(file)
+        elif file.name.lower().endswith(PATH_ENDINGS):
+            lines = file.read_text(encoding="utf-8").splitlines()
+            rows = [line.replace(",", " ").split() for line in lines if line.strip()]
         else:
             rows = [place.split(",") for place in text.split()]
         waypoints = np.array(rows, dtype=float)
     except (ValueError, TypeError) as error:
-        if isinstance(error, UsageError):
-            raise
-        raise UsageError(
-            f'--path {text}: not waypoints ({error}); give "X,Y X,Y ..." or a .csv or .json file'
-        ) from error
+        example = 'give "X,Y X,Y ..." or a .csv or .json file'
+        raise UsageError(f"--path {text}: not waypoints ({error}); {example}") from error
     if waypoints.ndim != 2 or waypoints.shape[1] != 2 or len(waypoints) < 2:
         raise UsageError(f'--path {text}: give two waypoints or more, each x and y, like "0,2 3,2"')
     if not np.isfinite(waypoints).all() or np.ptp(waypoints, axis=0).max() == 0:

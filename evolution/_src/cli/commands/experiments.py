@@ -1,0 +1,170 @@
+"""`symbrion demo`, `symbrion swarm` and `symbrion paper`: whole experiments, each in a folder of its own."""
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+from evolution._src.cli.command import SeededCommand, TrustingCommand, require_writable_folder, write_file
+from evolution._src.cli.console import Console
+from reconstruction._src.base.extras import require_extras
+
+_STORY_COLUMNS = {
+    "seed": "seed",
+    "docks": "docks",
+    "success": "success",
+    "gathered": "whole [s]",
+    "crossed": "across [s]",
+    "recoveries": "recoveries",
+    "across": "robots across",
+    "reason": "why not",
+}
+"""What is shown of the story of a swarm, with its title in the table."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Experiment(SeededCommand):
+    """A subcommand that repeats a whole experiment."""
+
+    out: Path
+    """Output folder."""
+    workers: int = os.cpu_count() or 1
+    """Threads; the results do not depend on their number."""
+
+    def check(self) -> None:
+        super().check()
+        require_writable_folder(self.out, "--out")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Demo(Experiment):
+    """Run the whole pipeline: survey, networks, arenas, evolution, trials in the true arena, video, report.
+
+    Example: symbrion demo --out demo
+    """
+
+    out: Path = Path("demo")
+    """Output folder; open report.html in it. The files of an earlier demo there are replaced."""
+
+    def run(self, console: Console) -> dict[str, Any]:
+        require_extras("`symbrion demo`", "scan", "report")
+        from evolution._src.experiments.demo import DemoConfig, run_pipeline
+        from evolution._src.experiments.demo_page import write_demo_page
+
+        result = run_pipeline(DemoConfig(self.out, self.seed, workers=self.workers), console.track)
+        report = self.out / "report.html"
+        with console.track("7/7 report"):
+            write_demo_page(result, report)
+        for name, crosses in result.crosses.items():
+            outcome = result.outcomes[name]
+            verdict = "crosses" if crosses else "does NOT cross"
+            place = "true" if name == "truth" else "reconstructed"
+            rate = f"{outcome.successes} of {outcome.trials} randomized trials succeed"
+            console.print_line(f"{place} arena: the champion {verdict} the pit; {rate}")
+        console.print_line(f"report: {report.resolve()}")
+        return {
+            "ok": all(result.crosses.values()),
+            "report": report,
+            "crosses": result.crosses,
+            "successes": {name: outcome.successes for name, outcome in result.outcomes.items()},
+            "trials": {name: outcome.trials for name, outcome in result.outcomes.items()},
+            "seconds": result.seconds,
+        }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Swarm(Experiment, TrustingCommand):
+    """Let single robots, scattered before a pit that none of them can cross, become one body that crosses it.
+
+    One meets the pit and becomes the seed; the others find its beacon, dock and lock; the organism crosses with an
+    evolved champion in full contact; then all undock and go on. The same command again goes on where it was
+    interrupted.
+
+    Example: symbrion swarm --arena gsrm --out swarm
+    """
+
+    out: Path = Path("swarm")
+    """Output folder: champion, track, timeline, film and figures."""
+    arena: str = "gsrm"
+    """Arena with a pit: a name, folder or file."""
+    robots: int = 8
+    """Number of robots, and length of the snake that they become."""
+    champion: Path | None = None
+    """Run folder or file of a champion of that length; by default one evolves in the arena."""
+
+    def check(self) -> None:
+        super().check()
+        self.require_least(robots=2)
+
+    def run(self, console: Console) -> dict[str, Any]:
+        require_extras("`symbrion swarm`", "report")
+        import symbrion_gym as sg
+        from evolution._src.experiments.swarm.film import draw_timeline, encode_film
+        from evolution._src.experiments.swarm.run import SwarmRunConfig, run_swarm
+        from evolution._src.experiments.swarm.story import StoryConfig
+        from evolution._src.report.figures import to_png
+        from symbrion_gym._src.swarm.placing import find_field
+
+        story = StoryConfig(arena=self.arena, seed=self.seed, num_robots=self.robots)
+        config = SwarmRunConfig(self.out, story, self.champion, self.workers, self.allow_code)
+        track, stories = run_swarm(config, console.track)
+        first, arena, path = stories[0], sg.load_arena(self.arena), self.out / "film.mp4"
+        field = find_field(arena, self.robots)
+        crossing = None if first["crossed"] is None else (first["gathered"], first["crossed"])
+        write_file(self.out / "timeline.png", to_png(draw_timeline(track, field, crossing)))
+        if not path.exists():
+            with console.track("film") as step:
+                film = encode_film(track, arena, field, crossing, step.progress)
+            if film is None:
+                console.print_line("no film: this machine has no OpenGL")
+            else:
+                write_file(path, film)
+        rows = [[_describe(each[name]) for name in _STORY_COLUMNS] for each in stories]
+        title = f"Stories of {self.robots} robots in {self.arena}"
+        console.show_table(title, list(_STORY_COLUMNS.values()), rows)
+        console.print_line(f"The swarm {'is' if first['success'] else 'is not'} across; {self.out}")
+        return {"folder": self.out, "success": first["success"], "stories": stories}
+
+
+def _describe(value: object) -> object:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "-" if value is None else value
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Paper(Experiment):
+    """Repeat the experiments of the paper (Tables I-III, Figs. 3-7) and write a page that compares them with it.
+
+    Each result is saved when it is finished: the same command continues where it was interrupted.
+
+    Example: symbrion paper --quick --out paper
+    """
+
+    out: Path = Path("paper")
+    """Output folder: report.html, results.json, figures, films, arenas. Finished experiments in it are not repeated."""
+    quick: bool = False
+    """Fewer sizes, runs and scans: about 3 minutes instead of 20 on two cores."""
+
+    def run(self, console: Console) -> dict[str, Any]:
+        require_extras("`symbrion paper`", "scan", "report")
+        from evolution._src.experiments.paper import claim_folder, lock_folder, run_experiments, write_json
+        from evolution._src.experiments.paper_page import write_paper_page
+
+        report = self.out / "report.html"
+        claim_folder(self.out, {"quick": self.quick, "seed": self.seed})
+        with lock_folder(self.out):
+            results = run_experiments(self.out, self.quick, self.seed, console.track, self.workers)
+            write_json(self.out / "results.json", results)
+            with console.track("figures and page"):
+                write_paper_page(self.out, self.quick, self.seed, results)
+        console.print_line(f"report: {report.resolve()}")
+        return {
+            "report": report,
+            "results": self.out / "results.json",
+            "held_in_truth": results["evolution"]["figures"]["judged"]["truth"],
+            "physics_ratio": results["physics"]["figures"]["ratios"]["gg"]["physics_us"],
+            "laser_ratio": results["laser"]["figures"]["ratios"]["tree"]["gg"],
+            "seconds": {name: record["seconds"] for name, record in results.items()},
+            "cpu_seconds": {name: record.get("cpu_seconds") for name, record in results.items()},
+        }
