@@ -85,7 +85,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["evolve", "--arena", "nowhere"], "no arena 'nowhere'"),
         (["evolve", "--generations", "0"], "--generations 0"),
         (["evolve", "--goal", "1"], "`FLOAT FLOAT`; see symbrion"),
-        (["evolve", "--organism", "SF0F0000"], "the body has 1 module and no hinge"),
+        (["evolve", "--organism", "SF0F0000"], "a body of 1 module has no hinge"),
         (["evolve", "--organism", "H", "--modules", "8"], "modules is 8 and organism, too, is given"),
         (["evolve", "--workers", "0"], "--workers 0 is too few"),
         (["resume", "absent"], "contains no run"),

@@ -116,7 +116,7 @@ class Arena(FrameCommand):
             "exit_code": MISSED if self.strict and not report.is_reached else 0,
         }
 
-    def _make(self, progress: rc.Progress) -> sg.Arena:
+    def _make(self, progress: "rc.Progress") -> "sg.Arena":
         """Return the arena with the objects that are found in the scan."""
         options: dict[str, Any] = {} if self.max_pieces is None else {"max_pieces": self.max_pieces}
         arena = sg.make_arena(
@@ -153,7 +153,7 @@ class Arena(FrameCommand):
         return files
 
 
-def _make_quality_rows(arena: sg.Arena, report: "AccuracyReport") -> list[list[object]]:
+def _make_quality_rows(arena: "sg.Arena", report: "AccuracyReport") -> list[list[object]]:
     """Return measure and value of what is known about the contact geometry."""
     quality, most = arena.quality, arena.provenance.get("options", {}).get("max_pieces")
     pieces = f"{quality.num_pieces}{f' of at most {most}' if most else ''}"
