@@ -111,7 +111,7 @@ class Arena(FrameCommand):
             "exit_code": MISSED if self.strict and not accuracy["is_reached"] else 0,
         }
 
-    def _make(self, progress: rc.Progress) -> sg.Arena:
+    def _make(self, progress: "rc.Progress") -> "sg.Arena":
         """Return the arena with the objects that are found in the scan."""
         options: dict[str, Any] = {} if self.max_pieces is None else {"max_pieces": self.max_pieces}
         arena = sg.make_arena(
@@ -148,7 +148,7 @@ class Arena(FrameCommand):
         return files
 
 
-def _describe_accuracy(arena: sg.Arena) -> dict[str, Any]:
+def _describe_accuracy(arena: "sg.Arena") -> dict[str, Any]:
     """Return the accuracy of an arena, wanted and reached, as its making has noted it; None for what is not finite."""
     notes, reached = arena.provenance, arena.quality.mean
     return {
@@ -161,7 +161,7 @@ def _describe_accuracy(arena: sg.Arena) -> dict[str, Any]:
     }
 
 
-def _make_quality_rows(arena: sg.Arena) -> list[list[object]]:
+def _make_quality_rows(arena: "sg.Arena") -> list[list[object]]:
     """Return measure and value of what is known about the contact geometry."""
     notes, quality = arena.provenance, arena.quality
     most = notes.get("options", {}).get("max_pieces")

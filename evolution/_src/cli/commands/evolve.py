@@ -106,7 +106,7 @@ class Evolve(SeededCommand):
     def explain_interruption(self) -> str:
         return propose_resume(self.folder)
 
-    def make_config(self) -> ev.EvolutionConfig | ev.BodyEvolutionConfig:
+    def make_config(self) -> "ev.EvolutionConfig | ev.BodyEvolutionConfig":
         """Return the configuration of the run."""
         names = ("arena", "seed", "task", "start", "goal", "controller", "workers", "backend", "address")
         fields: dict[str, Any] = {name: getattr(self, name) for name in names}
@@ -200,7 +200,7 @@ def propose_resume(folder: Path) -> str:
     return f"all but what was unfinished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
 
 
-def warn_of_way(config: ev.EvolutionConfig | ev.BodyEvolutionConfig) -> None:
+def warn_of_way(config: "ev.EvolutionConfig | ev.BodyEvolutionConfig") -> None:
     """Log one line if the way of a search over a scan leaves drivable ground; a task that fails says so itself."""
     is_known = config.arena in NAMED_ARENAS or isinstance(
         config.goal, str
@@ -233,7 +233,7 @@ def warn_of_way(config: ev.EvolutionConfig | ev.BodyEvolutionConfig) -> None:
     )
 
 
-def report_run(run: ev.Run, console: Console) -> dict[str, Any]:
+def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
     """Confirm the champion of bodies, print the results of a run, and return them as a summary."""
     if isinstance(run, BodyRun) and run.best is not None and run.confirmation is None:
         with console.track("Fresh trials of the fittest bodies") as step:
@@ -262,7 +262,7 @@ def report_run(run: ev.Run, console: Console) -> dict[str, Any]:
     return summary
 
 
-def describe_stop(run: ev.Run) -> str:
+def describe_stop(run: "ev.Run") -> str:
     """Return in one line what has stopped a search, and the command that goes on."""
     done = len(run.history)
     if done < run.config.length:

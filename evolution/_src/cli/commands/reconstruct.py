@@ -69,7 +69,7 @@ class Reconstruct(ScanCommand):
             raise UsageError(f"--out {self.out} is the scan itself; give another name")
         self.require_least(units=MINIMUM_UNITS)
 
-    def _divide(self, tile: float) -> rc.TilesConfig:
+    def _divide(self, tile: float) -> "rc.TilesConfig":
         return rc.TilesConfig(tile=tile, units_per_area=self.units_per_area)
 
     def run(self, console: Console) -> dict[str, Any]:
@@ -123,7 +123,7 @@ class Reconstruct(ScanCommand):
             "quality": quality.as_dict(),
         }
 
-    def _run_tiles(self, config: rc.TilesConfig, console: Console) -> dict[str, Any]:
+    def _run_tiles(self, config: "rc.TilesConfig", console: Console) -> dict[str, Any]:
         """Reconstruct a scan in tiles and return the summary."""
         run_jobs = None
         if self.address is not None:
@@ -149,7 +149,7 @@ class Reconstruct(ScanCommand):
         return {"tiles": self.out, "number": number, "offset": list(tiles.offset), "seconds": step.seconds}
 
 
-def _make_quality_rows(quality: rc.Quality) -> list[list[object]]:
+def _make_quality_rows(quality: "rc.Quality") -> list[list[object]]:
     """Return measure and value of what is known about a surface."""
     topology = quality.topology
     rows: list[list[object]] = [

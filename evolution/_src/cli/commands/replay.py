@@ -112,6 +112,6 @@ def choose_arena(arena: str) -> str:
     return "truth" if arena in MODELS_OF_TRUTH else arena
 
 
-def _describe(recording: ev.Recording) -> str:
+def _describe(recording: "ev.Recording") -> str:
     verdict = "succeeds" if recording.success else "does not succeed"
     return f"{recording.seconds:.1f} s of robot time, the champion {verdict}"
