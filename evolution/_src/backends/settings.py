@@ -400,8 +400,13 @@ def _sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: 
     for name, value in found:
         if name in _OWN_FIELDS:
             raise RunError(f"environment.{name} is {value!r}, which would be overwritten; give {name} itself")
+        try:
+            hash(value)
+        except TypeError:
+            raise RunError(
+                f"environment.{name} is {value!r}; a number, text or list of these is needed"
+            ) from None
     try:
-        hash(found)
         EnvironmentConfig.from_options(dict(found) | {"task": None if isinstance(task, Stored) else task})
     except (TypeError, ValueError) as error:
         raise RunError(f"environment: {error}") from error

@@ -28,7 +28,6 @@ def no_truth(monkeypatch, tmp_path):
     monkeypatch.setattr(making, "find_assets", lambda: tmp_path / "assets")
     for kind in (Course, StairsCourse):
         monkeypatch.setattr(kind, "__init__", refuse)
-    monkeypatch.setattr(making, "_make_exact", refuse)
     monkeypatch.setattr(arena_module.Arena, "from_course", refuse)
     read_text, opened = Path.read_text, Path.open
 

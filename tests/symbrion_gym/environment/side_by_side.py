@@ -2,7 +2,7 @@
 
 import numpy as np
 
-REWARDS = ("reward_forward", "reward_success", "reward_effort")
+REWARDS = ("reward_forward", "reward_success", "reward_failure", "reward_effort")
 NUMBERS = ("x_position", "progress", "time", *REWARDS, "lowest_module", "least_upright")
 FLAGS = ("success", "diverged", "rolled_over", "fell", "touched_pit", "stuck")
 """Of `info`."""

@@ -1,5 +1,7 @@
 """Patches from friction by place: stretches, joining, rectangles, intervals, growth by later surveys."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -73,7 +75,7 @@ def test_a_new_survey_replaces_what_was_known_of_its_places() -> None:
     first = join_slip(None, make_slip(lambda x: 0.7), np.zeros(3))
     slip = make_slip(lambda x: 0.2, seconds=8.0)
     assert join_slip(first, None, offset) is first
-    moved = type(slip)(**{**slip.as_arrays(), "positions": slip.positions + offset})
+    moved = dataclasses.replace(slip, positions=slip.positions + offset)
     both = join_slip(first, moved, offset)
     assert set(both.frictions.round(3)) == {0.2, 0.7}
     assert both.places[both.frictions > 0.5, 0].min() > find_friction(slip).places[:, 0].max() + 0.19
