@@ -37,11 +37,7 @@ def draw_learning(found: dict[str, Any]) -> Figure:
     decisions = np.array([row["decisions"] for row in found["curve"]]) / 1000
     judged = [(row["decisions"] / 1000, row["judged"] / trials) for row in found["curve"] if "judged" in row]
     axes.plot(
-        decisions,
-        find_shares(found["curve"]),
-        color="tab:gray",
-        lw=1.2,
-        label="while learning, with noise",
+        decisions, find_shares(found["curve"]), color="tab:gray", lw=1.2, label="while learning, with noise"
     )
     axes.plot(
         *zip(*judged, strict=True),

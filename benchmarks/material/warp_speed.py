@@ -134,11 +134,7 @@ def measure_generation(genotypes: int = GENOTYPES, trials: int = TRIALS) -> dict
 
     config = EvolutionConfig(arena="truth", start="pit", controller="path")
     conditions = Trials(
-        arena="truth",
-        start="pit",
-        controller="path",
-        count=trials,
-        randomization=_find_unstretched(config),
+        arena="truth", start="pit", controller="path", count=trials, randomization=_find_unstretched(config)
     )
     initial = np.array(find_trial_controller(conditions).initial)
     rng, row = np.random.default_rng(0), {"genotypes": float(genotypes), "trials": float(trials)}

@@ -85,10 +85,7 @@ def test_a_run_whose_controller_is_gone_is_refused(tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "vanishing_controller")
     read = ev.load_run(folder)
     assert (read.history == run.history).all()
-    assert (read.champion, read.is_solved) == (
-        run.champion,
-        run.is_solved,
-    )
+    assert (read.champion, read.is_solved) == (run.champion, run.is_solved)
     with pytest.raises(SystemExit) as end:
         main(["replay", str(folder), "--help"])
     assert not end.value.code

@@ -192,10 +192,7 @@ class Backend(Protocol):
 
 
 def make_backend(
-    name: str = "batch",
-    workers: int = 1,
-    address: str | None = None,
-    simulate: Simulate | None = None,
+    name: str = "batch", workers: int = 1, address: str | None = None, simulate: Simulate | None = None
 ) -> Backend:
     """Make a backend; `simulate` tries the jobs, None means physics."""
     if workers < 1:

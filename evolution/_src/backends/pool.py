@@ -62,12 +62,7 @@ def find_simulate(name: str) -> Simulate:
 
 
 class BatchBackend:
-    """All jobs in this process, on the threads of `mujoco.batch`.
-
-    Args:
-        simulate: tries the jobs.
-        workers: number of threads.
-    """
+    """All jobs in this process, on the threads of `mujoco.batch`."""
 
     def __init__(self, simulate: Simulate, workers: int) -> None:
         self._simulate, self._workers = simulate, workers

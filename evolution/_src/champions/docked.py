@@ -25,18 +25,6 @@ class DockedChampion:
     """Drives docked robots as a champion drives its organism; call `step` until the robots have arrived.
 
     As long as docks still mate or free arms still fold up, the robots stand.
-
-    Args:
-        champion: whose body is the organism of the robots.
-        world: where they are.
-        modules: robots in the order of the modules of the body.
-        start: position of the head by its tracks, as the environment of the champion defines it [m].
-
-    Attributes:
-        track_odometry: position of the head by its tracks [m].
-
-    Raises:
-        RunError: the robots form another organism, or its controller reads what docked robots do not sense.
     """
 
     dt = 0.02  # Time between two actions, as in the environment [s]

@@ -91,11 +91,7 @@ class LawController:
         return State(np.zeros((count, self.joints.num_modules), dtype=np.int64))
 
     def act(
-        self,
-        observation: Float[Any, "P O"],
-        genotype: Float[Any, "*P G"],
-        structure: Structure,
-        state: State,
+        self, observation: Float[Any, "P O"], genotype: Float[Any, "*P G"], structure: Structure, state: State
     ) -> tuple[Float[Any, "P A"], State]:
         """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds."""
         xp, num_drive = find_namespace(observation), len(self.drive.genes)

@@ -52,11 +52,7 @@ def reactive(sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints) -> Flo
 
 
 def path(
-    sensed: Sensed,
-    genotype: Float[Any, "P G"],
-    joints: Joints,
-    knots: Float[Any, " G"],
-    spacing: float,
+    sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints, knots: Float[Any, " G"], spacing: float
 ) -> Float[Any, "P H"]:
     """Follow a path over the ground: each module takes the slope that the path has at its place.
 

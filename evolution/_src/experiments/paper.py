@@ -8,7 +8,6 @@ of its points, arenas of their surfaces, an evolution in one of them, and what p
 import copy
 import dataclasses
 import datetime
-import importlib.util
 import json
 import logging
 import os
@@ -462,25 +461,6 @@ def make_tree_caster(arena: sg.Arena) -> Caster:
     return cast
 
 
-def make_embree_caster(arena: sg.Arena) -> Caster:
-    """Return what casts scans by Embree, in single precision."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
-    scene: Any = EmbreeScene()
-    mesh, scanner = TriangleMesh(scene, np.asarray(arena.surface.triangles, dtype=np.float32)), LaserScanner()
-
-    def cast(
-        pose: Float[np.ndarray, "4 4"], mesh: object = mesh
-    ) -> Ranges:  # the scene does not keep its mesh
-        directions = (scanner.directions @ pose[:3, :3].T).astype(np.float32)
-        origins = np.tile(pose[:3, 3].astype(np.float32), (len(directions), 1))
-        ranges = scene.run(origins, directions, query="DISTANCE").astype(np.float64)
-        return np.where(ranges <= scanner.max_range, ranges, np.nan)
-
-    return cast
-
-
 def make_brute_force_caster(arena: sg.Arena) -> Caster:
     """Return what tests every triangle with every beam, like a simulator without bounding volumes.
 
@@ -529,12 +509,7 @@ def measure_laser(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progr
     work does not count; of brute force, whose matrix products may use several threads, that of the process.
     """
     arenas = {name: load_arena(folder, name) for name in ("gg", "gsrm", "simple")}
-    methods: dict[str, Callable[[sg.Arena], Caster]] = {"tree": make_tree_caster}
-    if importlib.util.find_spec("embreex"):
-        methods["embree"] = make_embree_caster
-    else:
-        logger.warning("Table III is made without Embree; pip install '.[embree]' installs it")
-    methods["brute force"] = make_brute_force_caster
+    methods = {"tree": make_tree_caster, "brute force": make_brute_force_caster}
     casters = {
         (name, method): make(arena) for method, make in methods.items() for name, arena in arenas.items()
     }

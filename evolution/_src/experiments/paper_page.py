@@ -48,7 +48,6 @@ AROUND = 0.35  # Raw readings are shown up to this distance around the arena [m]
 MODELS = {"gsrm": "GSRM", "gg": "GG", "simple": "hand-made"}
 METHODS = {
     "tree": ("MuJoCo (bounding-volume tree)", "o-", PALETTE[0]),
-    "embree": ("Embree (bounding-volume tree)", "s-", PALETTE[2]),
     "brute force": ("brute force (every triangle)", "^-", PALETTE[1]),
 }
 """Method of ray casting -> name, marker and color."""

@@ -46,10 +46,7 @@ class View(NamedTuple):
         )
 
     def find_points(
-        self,
-        columns: Int[np.ndarray, " P"],
-        rows: Int[np.ndarray, " P"],
-        heights: Float[np.ndarray, " P"],
+        self, columns: Int[np.ndarray, " P"], rows: Int[np.ndarray, " P"], heights: Float[np.ndarray, " P"]
     ) -> Float[np.ndarray, "P 3"]:
         """Return the points that the middles of pixels show, given their heights towards the camera [m]."""
         right = (columns + 0.5 - self.width / 2) / self.scale

@@ -21,13 +21,7 @@ from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import BodyConfig, EpisodeConfig
 from evolution._src.controllers.finding import refer_to_controller
 from evolution._src.errors import RunError
-from evolution._src.references import (
-    MAX_GENERATIONS,
-    MAX_GENOTYPES,
-    MAX_MAGNITUDE,
-    MAX_TRIALS,
-    MIN_POSITIVE,
-)
+from evolution._src.references import MAX_GENERATIONS, MAX_GENOTYPES, MAX_MAGNITUDE, MAX_TRIALS, MIN_POSITIVE
 from evolution._src.search.record import SAMPLE, VALIDATION, Attempt, Entry, Try
 from reconstruction._src.base.range_checks import (
     as_floats,

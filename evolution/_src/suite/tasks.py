@@ -96,12 +96,7 @@ class SuiteTask:
     options: Mapping[str, Any] = field(default_factory=dict)  # of the environment
 
     def make_trials(
-        self,
-        body: Any,
-        controller: Any,
-        count: int,
-        seed: tuple[int, ...],
-        in_truth: bool = False,
+        self, body: Any, controller: Any, count: int, seed: tuple[int, ...], in_truth: bool = False
     ) -> Trials:
         """Return trials of a genotype."""
         return Trials(

@@ -202,9 +202,7 @@ def _is_vertical(log: ScanLog) -> bool:
     return bool(np.abs(log.mount[2, 2]) < _MAX_SLOPE and np.median(world) < _MAX_SLOPE)
 
 
-def _plane_axes(
-    mount: Float[np.ndarray, "4 4"],
-) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+def _plane_axes(mount: Float[np.ndarray, "4 4"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Return the horizontal and the rising direction of the scan plane, in the robot."""
     normal = mount[:3, 2]
     side = np.cross([0.0, 0.0, 1.0], normal)

@@ -252,10 +252,7 @@ def _project_onto_lines(
 
 
 def _align(
-    target: _Map | None,
-    points: Float[np.ndarray, "N 2"],
-    guess: Float[np.ndarray, " 3"],
-    reach: float,
+    target: _Map | None, points: Float[np.ndarray, "N 2"], guess: Float[np.ndarray, " 3"], reach: float
 ) -> Float[np.ndarray, " 3"]:
     """Match points to the map from a guess, which is kept where the walls in view leave a direction open.
 

@@ -134,9 +134,7 @@ class _Patch:
 
 
 def join_faces(
-    mesh: trimesh.Trimesh,
-    depths: Float[np.ndarray, " V"],
-    tolerance: float,
+    mesh: trimesh.Trimesh, depths: Float[np.ndarray, " V"], tolerance: float
 ) -> list[Int[np.ndarray, " M"]]:
     """Return the faces of each convex patch."""
     patches = _make_patches(mesh, depths)
@@ -198,11 +196,7 @@ def _find_root(owner: Int[np.ndarray, " F"], face: int) -> int:
 
 
 def _join(
-    a: _Patch,
-    b: _Patch,
-    vertices: Float[np.ndarray, "V 3"],
-    tolerance: float,
-    number: int,
+    a: _Patch, b: _Patch, vertices: Float[np.ndarray, "V 3"], tolerance: float, number: int
 ) -> _Patch | None:
     """Return two patches as one with a number of its own; None where that is not convex within the tolerance."""
     members = a.vertices | b.vertices

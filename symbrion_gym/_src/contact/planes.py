@@ -149,9 +149,7 @@ class _FaceSurface:
         count = len(self.areas)
         self.adjacency = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
 
-    def smooth(
-        self,
-    ) -> tuple[Float[np.ndarray, " F"], Float[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
+    def smooth(self) -> tuple[Float[np.ndarray, " F"], Float[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
         """Return roughness [m], normals and offsets of planes fitted to each face and the rings around it."""
         moments = self.moments.reshape(-1, 16)
         normals = self.normals * self.areas[:, None]

@@ -134,9 +134,7 @@ def _compute_relief(heights: Float[np.ndarray, "X Y"], radius: float) -> Float[n
     return highest - lowest
 
 
-def join_meshes(
-    meshes: Sequence[trimesh.Trimesh],
-) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
+def join_meshes(meshes: Sequence[trimesh.Trimesh]) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
     """Return vertices and faces of several meshes as those of one; each keeps its own vertices."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     vertices = np.concatenate([np.zeros((0, 3)), *(np.asarray(mesh.vertices) for mesh in meshes)])

@@ -177,12 +177,7 @@ def _find_edge(corners: Float[np.ndarray, "V 3"], side: Plane, top: Plane) -> Fl
     return edge[[int(along.argmin()), int(along.argmax())]]
 
 
-def _find_move(
-    ends: Float[np.ndarray, "2 3"],
-    side: Plane,
-    top: Plane,
-    other: Halfspaces,
-) -> float:
+def _find_move(ends: Float[np.ndarray, "2 3"], side: Plane, top: Plane, other: Halfspaces) -> float:
     """Return how far a side moves until its upper edge is clear of another piece's tops [m].
 
     Above 0 inwards, from a crest; below 0 outwards, where the edge ends at the foot of a slope; 0 where it may stay.

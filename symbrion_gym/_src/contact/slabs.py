@@ -145,10 +145,7 @@ def _split(ground: Ground, lines: Float[np.ndarray, "C 3"], accuracy: float, max
 
 
 def _find_best_line(
-    ground: Ground,
-    clashes: Float32[np.ndarray, "N R"],
-    cell: Cell,
-    lines: Float[np.ndarray, "C 3"],
+    ground: Ground, clashes: Float32[np.ndarray, "N R"], cell: Cell, lines: Float[np.ndarray, "C 3"]
 ) -> Float[np.ndarray, " 3"] | None:
     """Return the line that parts the most pairs of points of which one lies above the plane of the other."""
     members = cell.members
@@ -171,10 +168,7 @@ def _find_best_line(
 
 
 def _cap(
-    ground: Ground,
-    bounds: Float[np.ndarray, "B 3"],
-    members: Int[np.ndarray, " M"],
-    accuracy: float,
+    ground: Ground, bounds: Float[np.ndarray, "B 3"], members: Int[np.ndarray, " M"], accuracy: float
 ) -> Cell:
     """Select the planes whose minimum lies closest to the ground's points."""
     weights = ground.weights[members]

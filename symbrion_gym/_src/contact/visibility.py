@@ -136,9 +136,7 @@ def _check_indices(seen_from: Int[np.ndarray, " M"], num_points: int, num_viewpo
 
 
 def _find_viewpoints(
-    points: Float[np.ndarray, "N 3"],
-    viewpoints: Float[np.ndarray, "K 3"],
-    surface: RayMesh,
+    points: Float[np.ndarray, "N 3"], viewpoints: Float[np.ndarray, "K 3"], surface: RayMesh
 ) -> Int[np.ndarray, " N"]:
     """Return the nearest viewpoint from which the surface hides a point by no more than the reach; else the nearest."""
     if len(viewpoints) <= 1 or not len(points):

@@ -172,11 +172,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
 
     def __init__(
-        self,
-        render_mode: str | None = None,
-        width: int = 640,
-        height: int = 400,
-        **options: Any,
+        self, render_mode: str | None = None, width: int = 640, height: int = 400, **options: Any
     ) -> None:
         if render_mode not in (None, *RENDER_MODES):
             raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES)}")

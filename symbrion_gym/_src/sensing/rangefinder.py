@@ -191,10 +191,7 @@ class Camera:
         return expose(colors, self.config, rng).reshape(height, width, 3)
 
     def color_readings(
-        self,
-        data: mujoco.MjData,
-        positions: Float[np.ndarray, "N 3"],
-        rng: np.random.Generator | None = None,
+        self, data: mujoco.MjData, positions: Float[np.ndarray, "N 3"], rng: np.random.Generator | None = None
     ) -> UInt8[np.ndarray, "N 3"]:
         """Return the colors of the pixels that readings fall on, 0 to 255.
 

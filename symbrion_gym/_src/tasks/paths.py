@@ -25,12 +25,7 @@ from symbrion_gym._src.tasks.route import (
 )
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import Footprint
-from symbrion_gym._src.traversability.routes import (
-    DrivingRoute,
-    Place,
-    find_driving_route,
-    find_straight_way,
-)
+from symbrion_gym._src.traversability.routes import DrivingRoute, Place, find_driving_route, find_straight_way
 
 MAX_CORNERS = 64  # Most corners of a path
 _CORNER = 0.05  # A path is simplified by no more than this [m]

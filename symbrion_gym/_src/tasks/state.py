@@ -72,9 +72,7 @@ class HostArrays:
         return bool(np.count_nonzero(mask))
 
     def confirm(
-        self,
-        mask: Bool[np.ndarray, " M"],
-        find: Callable[[Int[np.ndarray, " K"]], Bool[np.ndarray, " K"]],
+        self, mask: Bool[np.ndarray, " M"], find: Callable[[Int[np.ndarray, " K"]], Bool[np.ndarray, " K"]]
     ) -> Bool[np.ndarray, " M"]:
         """Return where something is so and something else as well, which is looked for only there."""
         rows = np.flatnonzero(mask)
@@ -160,12 +158,7 @@ class TaskState(HostArrays):
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        goal: Any,
-        num: int,
-        dt: float,
-        action: Float[np.ndarray, "N A"],
+        self, scene: Scene, goal: Any, num: int, dt: float, action: Float[np.ndarray, "N A"]
     ) -> None:
         count = scene.organism.num_modules
         self.num, self.dt, self.action, self._goal = num, dt, action, goal

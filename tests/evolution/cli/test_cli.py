@@ -239,7 +239,7 @@ def test_a_damaged_run_is_refused_by_file_and_field(
 
 def test_a_damaged_file_of_waypoints_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "way.json"
-    for text in ("[" * 100_000, "[[0, 1], [2]]", "[[0, NaN], [1, 1]]", "{}"):
+    for text in ("[" * 100_000, "[[0, 1], [2]]", "[[0, NaN], [1, 1]]", "{}", "7", "not json"):
         path.write_text(text)
         assert "way.json" in refuse(["survey", "truth", "--path", str(path)], 2, capsys)
 

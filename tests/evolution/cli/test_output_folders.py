@@ -35,13 +35,16 @@ def read_all(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("name", DEMO_OUTPUTS)
-def test_the_demo_refuses_to_overwrite_other_files(
-    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [*((("demo",), name) for name in DEMO_OUTPUTS), *((("paper", "--quick"), name) for name in OUTPUTS)],
+)
+def test_other_files_are_not_overwritten(
+    tmp_path: Path, command: tuple[str, ...], name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put_user_file(tmp_path / "x", name)
     before = read_all(tmp_path)
-    assert run(["demo", "--out", str(tmp_path / "x")]) == 1
+    assert run([*command, "--out", str(tmp_path / "x")]) == 1
     error = capsys.readouterr().err
     assert name in error
     assert "name another folder" in error
@@ -64,19 +67,6 @@ def test_a_foreign_marker_is_refused(tmp_path: Path, content: str) -> None:
     with pytest.raises(ev.RunError, match=r"demo\.json was not written by a demo"):
         claim_folder(DemoConfig(tmp_path))
     assert (tmp_path / "demo.json").read_text() == content
-
-
-@pytest.mark.parametrize("name", OUTPUTS)
-def test_the_paper_refuses_to_overwrite_other_files(
-    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put_user_file(tmp_path / "x", name)
-    before = read_all(tmp_path)
-    assert run(["paper", "--quick", "--out", str(tmp_path / "x")]) == 1
-    error = capsys.readouterr().err
-    assert name in error
-    assert "name another folder" in error
-    assert read_all(tmp_path) == before
 
 
 def test_arenas_replace_only_arenas(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -102,26 +102,6 @@ def test_a_run_configured_with_integers_is_resumed(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [
-        {"modules": 51},
-        {"modules": True},
-        {"seed": 2**32},
-        {"trials": 10**6},
-        {"workers": 10**6},
-        {"sigma": float("inf")},
-        {"controller": "magic"},
-        {"environment": {"wings": 2}},
-        {"environment": {"pit": float("nan")}},
-        {"environment": {"randomize": {"friction": 1}}},
-    ],
-)
-def test_configs_refuse_what_no_machine_holds(arguments):
-    with pytest.raises(RunError, match=next(iter(arguments))):
-        EvolutionConfig(**arguments)
-
-
-@pytest.mark.parametrize(
     ("kind", "arguments"),
     [
         (Randomization, {"friction": (0.0, 1.0)}),
@@ -140,15 +120,3 @@ def test_configs_refuse_what_no_machine_holds(arguments):
 def test_parts_of_a_config_refuse(kind, arguments):
     with pytest.raises(RunError, match=list(arguments)[-1]):
         kind(**arguments)
-
-
-def test_a_champion_is_whole(folder):
-    champion = load_champion(folder)
-    for changes in (
-        {"genotype": (1.0,)},
-        {"successes": 9},
-        {"modules": 51},
-        {"genotype": (float("nan"),) * 8},
-    ):
-        with pytest.raises(RunError, match=next(iter(changes))):
-            replace(champion, **changes)

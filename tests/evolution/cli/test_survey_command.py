@@ -28,14 +28,6 @@ def test_waypoints_that_lead_nowhere_are_refused(path):
         read_path(path)
 
 
-def test_a_json_file_of_something_else_is_refused(tmp_path):
-    file = tmp_path / "a.json"
-    for words in ("{}", "[[1, 2], [3]]", "not json", "7"):
-        file.write_text(words)
-        with pytest.raises(UsageError, match="--path"):
-            read_path(str(file))
-
-
 @pytest.mark.parametrize("option", [{"speed": 0.0}, {"noise": -0.1}, {"beams": 1}])
 def test_impossible_robots_are_refused(option):
     with pytest.raises(UsageError, match="--"):

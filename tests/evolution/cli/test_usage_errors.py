@@ -11,10 +11,7 @@ from evolution._src.cli.main import run
         ("evolve --seed x", "--seed: 'x' is not a whole number; see symbrion evolve --help"),
         ("evolve --trials x", "--trials: 'x' is not a whole number; see symbrion evolve --help"),
         ("evolve --bodies x", "--bodies: 'x' is not whole numbers; see symbrion evolve --help"),
-        (
-            "evolve --bodies 2 1",
-            "smallest <= largest modules, got 2 and 1; see symbrion evolve --help",
-        ),
+        ("evolve --bodies 2 1", "smallest <= largest modules, got 2 and 1; see symbrion evolve --help"),
         (
             "evolve --bodies 1 2 3",
             "for example --bodies 1 8; or one number for both; see symbrion evolve --help",

@@ -235,6 +235,15 @@ def test_configs_survive_json_and_workers_change_no_digest():
         ({"goal": (1.0, 0.0), "environment": {"goal": (2.0, 0.0)}}, "environment.goal"),
         ({"environment": {"start": (1.0, 0.0)}}, "environment.start is .* would be overwritten"),
         ({"wings": 2}, "wings"),
+        ({"modules": 51}, "modules"),
+        ({"modules": True}, "modules"),
+        ({"seed": 2**32}, "seed"),
+        ({"trials": 10**6}, "trials"),
+        ({"workers": 10**6}, "workers"),
+        ({"sigma": float("inf")}, "sigma"),
+        ({"controller": "magic"}, "controller"),
+        ({"environment": {"pit": float("nan")}}, "environment"),
+        ({"environment": {"randomize": {"friction": 1}}}, "environment"),
     ],
 )
 def test_what_cannot_be_is_refused(changes, message):

@@ -186,10 +186,14 @@ def test_champions_survive_json():
 
 
 @pytest.mark.parametrize(
-    "change", [{"names": ("a", "b")}, {"genotype": (np.nan,)}, {"genotype": ("x",)}, {"names": 3}]
+    "change",
+    [
+        *({"names": ("a", "b")}, {"genotype": (np.nan,)}, {"genotype": ("x",)}, {"names": 3}),
+        *({"successes": 9}, {"modules": 51}),
+    ],
 )
 def test_invalid_champions_are_refused(change):
-    with pytest.raises(RunError, match=r"^(genotype|names)"):
+    with pytest.raises(RunError, match=r"^(genotype|names|successes|modules)"):
         Champion.from_dict(make_champion().as_dict() | change)
     with pytest.raises(RunError, match="controller"):
         Champion.from_dict({"genotype": (0.1,), "names": ("a",)})

@@ -19,14 +19,7 @@ from evolution._src.suite import submission as submission_module
 from evolution._src.suite import tasks as tasks_module
 from evolution._src.suite.baselines import METHODS, Practice, run_baseline, run_suite
 from evolution._src.suite.leaderboard import SHARED, count_wins, find_overview, make_page, rank
-from evolution._src.suite.submission import (
-    Entry,
-    Score,
-    Submission,
-    fill_submission,
-    load_submission,
-    verify,
-)
+from evolution._src.suite.submission import Entry, Score, Submission, fill_submission, load_submission, verify
 from evolution._src.suite.tasks import (
     EXAM_SEED,
     EXAM_TRIALS,
@@ -241,7 +234,7 @@ def test_the_ranking_is_by_successes_in_the_truth_with_ties_and_nobody_leads_wit
     scores = {"a": (0.3, 0), "b": (0.2, 7), "c": (0.9, 7), "d": (0.1, 4)}
     boards = [Submission(name, (replace(entry, truth=Score(*score)),)) for name, score in scores.items()]
     assert [(row.submission, row.place) for row in rank(boards)] == [
-        *(("c", "1="), ("b", "1="), ("d", "3"), ("a", "–")),
+        *(("c", "1="), ("b", "1="), ("d", "3"), ("a", "–"))
     ]
     assert count_wins(boards) == dict.fromkeys(scores, 0)
     assert count_wins(boards, SHARED) == {"a": 0, "b": 1, "c": 1, "d": 0}

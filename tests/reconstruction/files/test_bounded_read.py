@@ -194,10 +194,7 @@ PLY = "ply\nformat binary_little_endian 1.0\n{}element vertex 3\nproperty float 
 
 @pytest.mark.parametrize(
     ("name", "start", "line"),
-    [
-        ("a.ply", PLY.format(""), "element a 0\n"),
-        ("a.pcd", "# .PCD v0.7\n", "{:x} 0\n"),
-    ],
+    [("a.ply", PLY.format(""), "element a 0\n"), ("a.pcd", "# .PCD v0.7\n", "{:x} 0\n")],
 )
 def test_a_header_has_an_end(tmp_path: Path, name: str, start: str, line: str) -> None:
     path = tmp_path / f"{name}.gz"

@@ -3,12 +3,7 @@
 import numpy as np
 import trimesh
 
-from reconstruction._src.geometry.sampling import (
-    sample_area,
-    sample_cells,
-    sample_evenly,
-    sample_grid,
-)
+from reconstruction._src.geometry.sampling import sample_area, sample_cells, sample_evenly, sample_grid
 
 LOW, HIGH = np.array([-1.0, 2.0]), np.array([1.0, 3.0])
 SQUARE = trimesh.Trimesh([[0, 0, 1], [2, 0, 1], [2, 2, 1], [0, 2, 1]], [[0, 1, 2], [0, 2, 3]], process=False)

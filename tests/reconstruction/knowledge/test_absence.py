@@ -61,11 +61,7 @@ def test_one_or_two_vertices_without_readings_are_no_hole_and_every_hole_is_look
     for unread, is_hole in (([0], False), ([0, 1], False), ([0, 1, SIDE], True)):
         missing = middle + np.array(unread)
         is_gone = find_gone(
-            vertices,
-            faces,
-            lay_ring(0.3, 0.4),
-            is_read & ~np.isin(np.arange(SIDE**2), missing),
-            SPACING,
+            vertices, faces, lay_ring(0.3, 0.4), is_read & ~np.isin(np.arange(SIDE**2), missing), SPACING
         )
         assert np.flatnonzero(is_gone).tolist() == (missing.tolist() if is_hole else [])
 

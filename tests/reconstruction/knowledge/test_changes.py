@@ -6,10 +6,7 @@ from scipy.spatial import cKDTree
 from shapes import make_floor
 from shapes import read_floor as read
 
-from reconstruction._src.knowledge.changes import (
-    detect_changes,
-    find_crowded,
-)
+from reconstruction._src.knowledge.changes import detect_changes, find_crowded
 
 SPACING = 0.1
 

@@ -6,12 +6,7 @@ from damage import flip_bits
 
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import make_pose
-from reconstruction._src.scans.scan import (
-    HorizontalScans,
-    ScanLog,
-    ScanTruth,
-    load_scan_log,
-)
+from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth, load_scan_log
 
 
 def make_log(**changes) -> ScanLog:

@@ -5,11 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
-from reconstruction._src.surfaces.unfolding import (
-    find_folded,
-    unfold_faces,
-    untangle,
-)
+from reconstruction._src.surfaces.unfolding import find_folded, unfold_faces, untangle
 
 
 def make_lattice(size: int = 7) -> tuple[np.ndarray, np.ndarray]:

@@ -7,12 +7,7 @@ import trimesh
 
 import symbrion_gym as sg
 from reconstruction._src.scans.cloud import Cloud
-from symbrion_gym._src.arenas.texture import (
-    SurfaceTexture,
-    iterate_texels,
-    make_atlas,
-    paint_texture,
-)
+from symbrion_gym._src.arenas.texture import SurfaceTexture, iterate_texels, make_atlas, paint_texture
 from symbrion_gym._src.errors import ArenaError
 
 

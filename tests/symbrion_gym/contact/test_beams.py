@@ -6,11 +6,7 @@ import trimesh
 
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
-from symbrion_gym._src.contact.visibility import (
-    add_visibility,
-    find_beams,
-    measure_visibility,
-)
+from symbrion_gym._src.contact.visibility import add_visibility, find_beams, measure_visibility
 from symbrion_gym._src.errors import ArenaError
 
 SIZE = np.array([4.0, 4.0, 3.0])

@@ -78,10 +78,7 @@ def test_reward_is_the_sum_of_its_terms_and_progress_that_of_rewards():
 
 
 def test_observation_follows_its_structure():
-    env = OrganismEnv(
-        modules=5,
-        sensors=(*DEFAULT_SENSORS, *EXTRA_SENSORS),
-    )
+    env = OrganismEnv(modules=5, sensors=(*DEFAULT_SENSORS, *EXTRA_SENSORS))
     observation, _ = env.reset(seed=0)
     parts = env.observation_structure
     assert [s.stop - s.start for s in parts.values()] == [4, 4, 5, 5, 30, 24, 5, 4, 1, 1, 19, 4, 12]

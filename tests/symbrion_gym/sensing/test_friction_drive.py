@@ -10,11 +10,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.making import choose_friction
 from symbrion_gym._src.errors import SurveyError
-from symbrion_gym._src.sensing.friction_drive import (
-    SlipNoise,
-    drive_lanes,
-    find_lanes,
-)
+from symbrion_gym._src.sensing.friction_drive import SlipNoise, drive_lanes, find_lanes
 from symbrion_gym._src.sensing.survey import survey
 
 SMALL = Course(pit=0.3, floor=0.9, plateau=0.45, ramp=0.6, height=0.1, width=0.5, friction=0.6)

@@ -42,11 +42,7 @@ class SwarmRunConfig:
 
 
 def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[str, Any]]]:
-    """Tell the story, and that of a swarm that may not dock; what an earlier run has told is read from the folder.
-
-    Returns:
-        The track of the story, and the figures of both.
-    """
+    """Tell the story, and that of a swarm that may not dock; what an earlier run has told is read from the folder."""
     claim_folder(config)
     arena, path = sg.load_arena(config.story.arena), config.folder / "track.npz"
     results = _read(config.folder / RESULTS) or []

@@ -54,13 +54,7 @@ class StoryConfig:
 def tell_story(
     config: StoryConfig, arena: Arena, champion: Champion | None, progress: Progress = silent
 ) -> tuple[dict[str, Any], Track]:
-    """Run a story from the scattered start to the end.
-
-    Returns:
-        Its figures for JSON, and where all robots were, with what they did. `success`: every robot is beyond the pit,
-        undocked and upright; `reason`: what it failed at; `gathered` and `crossed`: when the organism was whole, and
-        beyond the pit [s], None if never; `ended` [s]; `recoveries`: failed attempts to dock; `across`: robots beyond.
-    """
+    """Run a story from the scattered start to the end."""
     field, count = find_field(arena, config.num_robots), config.num_robots
     world = KinematicWorld(arena, count, make_scout())
     world.reset(scatter(field, count, arena, np.random.default_rng((config.seed, 3))), config.seed)

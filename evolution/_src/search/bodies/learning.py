@@ -68,12 +68,7 @@ class Learning:
 
 
 class Learner:
-    """Lets bodies learn, chunks of them side by side.
-
-    Attributes:
-        results: what each body knew at the end of each level, by body and level, in the order of learning.
-        due: trials of the assignments that are being learned.
-    """
+    """Lets bodies learn, chunks of them side by side."""
 
     def __init__(self, config: BodyEvolutionConfig) -> None:
         self._config = config

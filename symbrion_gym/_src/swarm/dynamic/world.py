@@ -74,10 +74,6 @@ class DynamicWorld:
         """Place the robots on the ground, undocked, with level arms, at x [m], y [m] and heading [rad].
 
         They stand as kinematic robots do, a little above the ground. Nothing is random: the seed is ignored.
-
-        Raises:
-            ArenaError: a place off the surface, too steep, or within another robot.
-            OptionError: the poses are not N rows of three finite numbers.
         """
         self._ground.reset(poses)
         state, still = self._ground.state, np.zeros((self.num_robots, 3))
@@ -96,11 +92,7 @@ class DynamicWorld:
         self.state = self._read_state()
 
     def step(self, commands: SwarmCommands, duration: float = DECISION) -> None:
-        """Advance by one decision, which takes a whole number of ticks [s].
-
-        Raises:
-            OptionError: commands of another shape or not finite, or no whole number of ticks.
-        """
+        """Advance by one decision, which takes a whole number of ticks [s]."""
         commands.check(self.num_robots)
         ticks = round(duration / TICK)
         if ticks < 1 or abs(ticks * TICK - duration) > 1e-9:

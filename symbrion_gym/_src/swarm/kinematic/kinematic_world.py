@@ -82,12 +82,7 @@ class KinematicWorld:
         self._roots = np.arange(num_robots)  # Whose pose leads the group of each robot
 
     def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
-        """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad]; the seed is of their slip.
-
-        Raises:
-            OptionError: the poses are not N rows of three finite numbers.
-            ArenaError: a place off the surface, too steep, or within another robot.
-        """
+        """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad]; the seed is of their slip."""
         poses, count = np.asarray(poses, dtype=np.float64), self.num_robots
         if poses.shape != (count, 3) or not np.isfinite(poses).all():
             raise OptionError(f"poses must be [{count}, 3] finite numbers (x, y, heading), got {poses.shape}")
@@ -115,11 +110,7 @@ class KinematicWorld:
         self._fit = self._fit_ground(state.position, state.rotation)
 
     def step(self, commands: SwarmCommands) -> None:
-        """Advance by one decision.
-
-        Raises:
-            OptionError: a command is not finite or has another shape.
-        """
+        """Advance by one decision."""
         commands.check(self.num_robots)
         hinge = self._turn_hinges(commands.hinge)
         gone, new_links = change_links(self.state, commands.latch)

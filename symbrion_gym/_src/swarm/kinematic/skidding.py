@@ -84,14 +84,7 @@ def skid(
     difference: Float[np.ndarray, " N"],
     friction: float,
 ) -> Float[np.ndarray, "N 3"]:
-    """Return ahead, left [m/s] and turn [rad/s] of Scouts in a frame that moves with the mean of their belts.
-
-    Args:
-        reach: of the arms, the cosine of the hinges' angles.
-        pulls: of gravity along the ground, ahead and left, the tangent of a slope.
-        difference: of the right belt from the left one [m/s].
-        friction: of the tracks on the ground.
-    """
+    """Return ahead, left [m/s] and turn [rad/s] of Scouts in a frame that moves with the mean of their belts."""
     side = np.where(difference < 0.0, -1.0, 1.0)
     size = np.minimum(np.hypot(pulls[:, 0], pulls[:, 1]), _MOST_PULL * friction)
     direction = np.arctan2(side * pulls[:, 1], pulls[:, 0])

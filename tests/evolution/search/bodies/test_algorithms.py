@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from evolution._src.search.bodies import algorithms
-from evolution._src.search.bodies.algorithms import (
-    LevelResult,
-    Prediction,
-    SurrogateSearch,
-    describe_shape,
-)
+from evolution._src.search.bodies.algorithms import LevelResult, Prediction, SurrogateSearch, describe_shape
 from evolution._src.search.bodies.config import BodiesConfig, LearningConfig
 from evolution._src.search.bodies.genome import enumerate_bodies, parse_genome
 

@@ -6,10 +6,7 @@ import trimesh
 
 from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
-from reconstruction._src.networks.growing_grid.growth import (
-    choose_line_pair,
-    score_gaps,
-)
+from reconstruction._src.networks.growing_grid.growth import choose_line_pair, score_gaps
 from reconstruction._src.networks.growing_grid.mesh import find_folded, open_pinches, triangulate, unfold
 from reconstruction._src.surfaces.quality import Quality, compute_distances, measure_quality
 

@@ -18,10 +18,7 @@ from reconstruction._src.geometry.manifold import (
 from reconstruction._src.networks.gsrm import hole_patching
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction._src.networks.gsrm.support import Support
-from reconstruction._src.networks.gsrm.topology import (
-    join_components,
-    learn_faces,
-)
+from reconstruction._src.networks.gsrm.topology import join_components, learn_faces
 from reconstruction._src.surfaces.quality import count_topology
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1.2, 0], [0, 1, 0]])

@@ -6,11 +6,7 @@ import trimesh
 from primitive_scenes import NOISE, make_box, make_column_room, make_noisy, make_sphere_on_plane
 
 from reconstruction import ReconstructionError
-from reconstruction._src.surfaces.primitives.find import (
-    Primitives,
-    find_primitives,
-    find_rectangles,
-)
+from reconstruction._src.surfaces.primitives.find import Primitives, find_primitives, find_rectangles
 from reconstruction._src.surfaces.primitives.primitive import Primitive, take_out
 from reconstruction._src.surfaces.primitives.ransac import estimate_noise
 

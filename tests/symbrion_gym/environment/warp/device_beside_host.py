@@ -54,11 +54,7 @@ class Both:
         ):
             np.testing.assert_allclose(np.asarray(found)[run], wanted[run], atol=10 * CLOSE)
         flags = np.array([self.info[name] for name in names.flag_names]).T
-        for found, wanted in (
-            (over, terminated),
-            (cut, truncated),
-            (self.episode.flags, flags),
-        ):
+        for found, wanted in ((over, terminated), (cut, truncated), (self.episode.flags, flags)):
             np.testing.assert_array_equal(np.asarray(found)[run], wanted[run])
         self.running &= ~(terminated | truncated)
 
