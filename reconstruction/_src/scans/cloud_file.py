@@ -198,9 +198,9 @@ def _read_raw(path: Path, max_bytes: float) -> RawPoints:
             check_size(raw.points.nbytes, max_bytes)
         else:
             with open_bounded(path, max_bytes) as file:
-                if kind in CONVERTERS:
-                    raise ScanError(f"{kind} is not read; {CONVERTERS[kind]}")
                 if kind not in _READERS:
+                    if kind in CONVERTERS:
+                        raise ScanError(f"{kind} is not read; {CONVERTERS[kind]}")
                     known = " ".join((*_READERS, *_PATH_READERS))
                     raise ScanError(f"unknown kind {kind or '(no suffix)'}; there are: {known}")
                 raw = _READERS[kind](file)
@@ -293,6 +293,8 @@ _PATH_READERS: dict[str, Callable[[Path, float], RawPoints]] = {
     ".e57": read_e57,
     **dict.fromkeys((".stl", ".off", ".glb", ".gltf", ".dae"), read_mesh_points),
 }
+POINT_ENDINGS = (*(kind for kind in _READERS if kind not in (".npz", ".ply", ".obj")), ".e57")
+"""Of files that hold points alone."""
 _WRITERS: dict[str, Callable[[BinaryIO, Float[np.ndarray, "N 3"]], None]] = {
     ".ply": write_ply,
     ".xyz": _write_text,

@@ -20,11 +20,6 @@ from symbrion_gym._src.errors import ArenaError
 
 _UNBOUNDED = (".bz2", ".gz", ".tbz2", ".tgz", ".xz")
 """Packings that trimesh unpacks whatever their size; `zip` tells its size."""
-_POINT_ENDINGS = (
-    *(".xyz", ".txt", ".csv", ".asc", ".dat", ".pts", ".npy"),
-    *(".pcd", ".vtk", ".las", ".laz", ".e57", ".3d"),
-)
-"""Files that hold points alone; .ply and .obj hold either."""
 
 
 def check_has_surface(path: Path) -> None:
@@ -38,6 +33,7 @@ def check_has_surface(path: Path) -> None:
 
 def _holds_points(path: Path) -> bool:
     """Return whether a file holds points, rather than faces or a reconstruction; False where it is damaged."""
+    from reconstruction._src.scans.cloud_file import POINT_ENDINGS
     from reconstruction._src.scans.mesh_files import find_kind, is_mesh
 
     kind = find_kind(path)
@@ -45,7 +41,7 @@ def _holds_points(path: Path) -> bool:
         if kind == ".npz":
             names = set(find_npz_names(path))
             return bool({"points", "ranges"} & names) and "header" not in names
-        return kind in _POINT_ENDINGS or (kind in (".ply", ".obj") and not is_mesh(path))
+        return kind in POINT_ENDINGS or (kind in (".ply", ".obj") and not is_mesh(path))
     except (ScanError, UnreadableFileError, OSError):
         return False
 
