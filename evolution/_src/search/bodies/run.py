@@ -47,11 +47,6 @@ class BodyRun(Run):
         """Simulated time of all that was learned [s]."""
         return sum(result.seconds for result in self.results)
 
-    @property
-    def has_all_iterations(self) -> bool:
-        """Whether all iterations that the run may take are done: resumed, it tries nothing more."""
-        return len(self.history) >= self.config.iterations
-
     def make_champion(self, result: LevelResult) -> Champion:
         """Return what a body has learned, as `judge` and `play` take it."""
         return Champion(
