@@ -241,19 +241,21 @@ class Reconstruction:
         free_rays: Float[np.ndarray, "K 2 3"] | None,
     ) -> tuple[State, Bool[np.ndarray, " N"]]:
         """Return the network that has learned from new readings, and which of the old points are still valid."""
+        from reconstruction._src.geometry.manifold import widen
         from reconstruction._src.knowledge.changes import compare, detect_changes
         from reconstruction._src.networks.surface_fit import mean_edge_length
 
         vertices, faces = self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64)
         spacing = mean_edge_length(vertices, faces)
         change = detect_changes(vertices, faces, self.points, new, spacing, origins, free_rays)
-        is_changed, is_valid = compare(vertices, faces, change, self.points, new)
+        is_changed, is_valid = compare(vertices, faces, change, self.points, new, spacing)
         if not is_changed.any():
             progress("refine", 1.0)
             return self.state, is_valid
         points = np.concatenate([self.points[is_valid], new])
         network, _ = find_method(self.method)
-        return network.train_again(self.state, is_changed, points, self.config, seed, progress), is_valid
+        is_free = widen(faces, is_changed, network.FREE_RINGS)
+        return network.train_again(self.state, is_free, points, self.config, seed, progress), is_valid
 
     def _with_slip(
         self, felt: FrictionReadings | None, slip: SlipReadings | None, origins: ArrayLike | None

@@ -281,7 +281,12 @@ _MIN_CONFIRMATIONS = 4.0
 
 
 def compare(
-    vertices: Vertices, faces: Faces, change: Change, old_points: Points, new_points: Float[np.ndarray, "M 3"]
+    vertices: Vertices,
+    faces: Faces,
+    change: Change,
+    old_points: Points,
+    new_points: Float[np.ndarray, "M 3"],
+    spacing: float,
 ) -> tuple[Bool[np.ndarray, " V"], Bool[np.ndarray, " N"]]:
     """Return which vertices have changed, and which old points are still valid.
 
@@ -292,11 +297,16 @@ def compare(
     if not is_changed.any():
         return is_changed, np.ones(len(old_points), dtype=bool)
     is_refuted = is_changed & ~_find_extended(vertices, faces, change, new_points[change.compared])
-    winners = cKDTree(vertices).query(old_points)[1]
-    is_valid = ~is_refuted[winners]
-    near = np.flatnonzero(is_valid & widen(faces, is_refuted, _NEAR_RINGS)[winners])
-    is_valid[near] = _lie_on(old_points[near], new_points, change.tolerance)
-    lost, had = (np.bincount(winners[rows], minlength=len(vertices)) for rows in (~is_valid, slice(None)))
+    is_near, is_valid = widen(faces, is_refuted, _NEAR_RINGS), np.ones(len(old_points), dtype=bool)
+    if not is_near.any():
+        return is_changed, is_valid
+    around = find_near_box(old_points, vertices[is_near], spacing)
+    winners = cKDTree(vertices).query(old_points[around])[1]
+    lies_on = ~is_refuted[winners]
+    doubtful = np.flatnonzero(lies_on & is_near[winners])
+    lies_on[doubtful] = _lie_on(old_points[around[doubtful]], new_points, change.tolerance)
+    lost, had = (np.bincount(winners[rows], minlength=len(vertices)) for rows in (~lies_on, slice(None)))
+    is_valid[around] = lies_on
     return is_changed | (2 * lost > had), is_valid
 
 

@@ -34,6 +34,7 @@ _SLOPE = 0.1  # The surface goes on in a plane where it leaves it by no more tha
 _AROUND = 8  # So many readings around tell the plane, and so many beams whether the scanner looked through
 _MARGIN = 0.1  # Beams that end farther than the place by more than this share of its range looked through it
 _SHARE = 0.5  # A face is far where this share of its samples is
+_POOL = 256  # Of few places, so many readings around each tell how far it is; of many, all of them
 _PROBES = 500  # Places whose spacings give the least spacing of the cloud: their median
 _MOST_VIEWPOINTS = 16  # Beams from these viewpoints are looked at: those with most readings
 
@@ -93,10 +94,13 @@ def find_far_faces(
     is_open = tree.query(samples, distance_upper_bound=2 * limit)[0] > limit
     if not is_open.any():
         return is_far
-    arrays = (np.ascontiguousarray(array) for array in (points, vertices, faces.astype(np.int64)))
+    rows, columns = np.nonzero(is_open)
+    around = points
+    if _POOL * len(rows) < len(points):
+        around = points[np.unique(tree.query(samples[rows, columns], k=_POOL)[1])]
+    arrays = (np.ascontiguousarray(array) for array in (around, vertices, faces.astype(np.int64)))
     found = igl.point_mesh_squared_distance(*arrays)
     owner, places = np.asarray(found[1], dtype=np.int64), np.asarray(found[2])
-    rows, columns = np.nonzero(is_open)
     distance, nearest = cKDTree(places).query(samples[rows, columns])
     spacing = np.maximum(_measure_spacing(tree, nearest, _NEIGHBORS), least)
     ratio = distance / np.maximum(spacing, np.finfo(float).tiny)

@@ -21,7 +21,6 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.manifold import widen
 from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, sum_rows
 from reconstruction._src.networks.growing_grid import paper as grid_paper
 from reconstruction._src.networks.growing_grid.growth import (
@@ -44,9 +43,10 @@ from reconstruction._src.networks.som.density import measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
 from reconstruction._src.networks.surface_fit import FitConfig
 
-_FREE_RINGS = 2  # Units within this many rings of a changed one learn again with it
+FREE_RINGS = 2  # Units within this many rings of a changed one learn again with it
 _REACH = 2.0  # A point is reached where a unit lies within this many median sides of the grid
-_REACHED = 0.99  # A sheet that reaches a smaller share of the points is grown again
+_REACHED = 0.99  # A sheet that reaches a smaller share of the points is grown again ...
+_PROBES = 8192  # ... as told by so many of them
 
 
 _GROWTH = 6.0  # Factor on the number of units in a round of the growth phase
@@ -128,21 +128,22 @@ def train(points: Points, config: GrowingGridConfig, seed: int = 0, progress: Pr
 
 def train_again(
     state: State,
-    is_changed: Bool[np.ndarray, " V"],
+    is_free: Bool[np.ndarray, " V"],
     points: Points,
     config: GrowingGridConfig,
     seed: int = 0,
     progress: Progress = silent,
 ) -> State:
-    """Train a grid on other points: the units that have not changed stay where they are.
+    """Train a grid on other points: the units that are not free stay where they are.
 
     Where the sheet cannot reach all points so, and in paper mode, it is grown from 2 x 2 units again.
     """
-    is_free = widen(state.faces, is_changed, _FREE_RINGS).reshape(state.units.shape[:2])
     if config.mode == "batch":
-        again = _train(points, config, seed, progress, _Start(state.units, is_free))
+        start = _Start(state.units, is_free.reshape(state.units.shape[:2]))
+        again = _train(points, config, seed, progress, start)
         reach = _REACH * float(np.median(compute_lengths(np.diff(state.units, axis=0))))
-        if (cKDTree(again.vertices).query(points)[0] < reach).mean() > _REACHED:
+        probes = points[:: max(1, len(points) // _PROBES)]
+        if (cKDTree(again.vertices).query(probes)[0] < reach).mean() > _REACHED:
             return again
     return train(points, config, seed, progress)
 

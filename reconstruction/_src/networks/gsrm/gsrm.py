@@ -33,7 +33,7 @@ from reconstruction._src.surfaces.edge_flips import flip_edges
 from reconstruction._src.surfaces.unfolding import untangle
 
 _MIN_MAP = 4  # A map of fewer units has no surface
-_FREE_RINGS = 1  # Units within this many rings of a changed one grow again with it
+FREE_RINGS = 1  # Units within this many rings of a changed one grow again with it
 _COVER = 1.25  # A sample farther than this many spacings of the held units from all old ones is uncovered
 
 
@@ -124,14 +124,13 @@ def train(
 
 def train_again(
     state: State,
-    is_changed: Bool[np.ndarray, " U"],
+    is_free: Bool[np.ndarray, " U"],
     points: Points,
     config: GSRMConfig,
     seed: int = 0,
     progress: Progress = silent,
 ) -> State:
-    """Train a map on other points: `train`, but the units that have not changed stay where they are."""
-    is_free = widen(state.faces.astype(np.int64), is_changed, _FREE_RINGS)
+    """Train a map on other points: `train`, but the units that are not free stay where they are."""
     place = np.cumsum(~is_free) - 1
     faces = place[state.faces[~is_free[state.faces].any(axis=1)]]
     old = Old(state.units[~is_free], state.units[is_free], faces)
@@ -164,8 +163,9 @@ def _grow(
     held = samples[:0] if old is None else old.held
     if old is not None:
         spacing = np.median(cKDTree(held).query(held, k=2)[0][:, 1])
-        distances, winners = cKDTree(np.concatenate(old[:2])).query(samples)
-        is_open = (winners >= len(held)) | (distances > _COVER * spacing)
+        every, winners = np.concatenate(old[:2]), np.empty(len(samples), dtype=np.int64)
+        winners[tiles.order] = search_all(tiles, every, 1)[..., 0]
+        is_open = (winners >= len(held)) | (compute_lengths(samples - every[winners]) > _COVER * spacing)
         is_open &= weights > 0
         weights = np.where(is_open, weights, 0.0)
         opened, covered = (_count_cells(samples[rows], spacing) for rows in (is_open, ~is_open))
@@ -247,8 +247,10 @@ def _learn_surface(
     progress("fit the surface", 0.8)
     first = place[winners[..., 0]]
     is_used &= first >= 0
-    samples, weights = level.tiles.samples[is_used], level.weights[is_used]
     is_movable = None if old is None else used >= len(old.held)
+    if is_movable is not None:  # the other samples move nothing
+        is_used &= widen(faces, is_movable, 1)[first]
+    samples, weights = level.tiles.samples[is_used], level.weights[is_used]
     return _fit(units, faces, samples, first[is_used], weights, is_movable)
 
 
@@ -265,7 +267,7 @@ def _fit(
     Creases need iterations, accuracy needs samples; below 20 samples a unit a third iteration would fit
     the noise. Between the iterations edges turn along the creases that have come out.
     """
-    per_unit = len(samples) / len(units)
+    per_unit = len(samples) / (len(units) if is_movable is None else len(np.unique(winners)))
     coarse = (_COARSE_ITERATIONS, max(1, int(per_unit / _COARSE_SAMPLES)))
     for iterations, stride in (coarse if per_unit >= _DENSE_FIT else (1, 1), (1, 1)):
         units = fit_surface(

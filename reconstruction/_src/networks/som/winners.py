@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.rows import Points, compute_lengths
+from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 
 _PLACE_BITS = 7
 _PLACE_MASK = (1 << _PLACE_BITS) - 1
@@ -131,7 +132,8 @@ def search_all(tiles: Tiles, units: Float[np.ndarray, "U 3"], k: int) -> Int[np.
     units = np.ascontiguousarray(units, dtype=np.float32)
     num_candidates = max(k, choose_num_candidates(tiles.order.size, len(units), k))
     candidates, reach = find_candidates(tiles, units, num_candidates)
-    found, squared = search_tiles(jnp.asarray(tiles.samples), jnp.asarray(units), jnp.asarray(candidates), k)
+    padded = pad_rows(units, padded_length(len(units)))  # of few lengths, so that few programs are compiled
+    found, squared = search_tiles(jnp.asarray(tiles.samples), jnp.asarray(padded), jnp.asarray(candidates), k)
     winners = np.array(found)
     offset = compute_lengths(tiles.samples - tiles.centers[:, None])
     is_doubtful = np.sqrt(np.asarray(squared)[..., -1]) * (1 + _TIE) + offset > reach[:, None]
