@@ -18,7 +18,8 @@ from evolution._src.cli.main import run as run_command
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.record import Record
-from evolution._src.suite.submission import Entry, Score, Submission, load_submission, verify
+from evolution._src.suite.exam import hold_exam
+from evolution._src.suite.submission import Entry, Submission, load_submission
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.tasks.task import Task, read_task
 
@@ -177,13 +178,22 @@ def test_other_fields_run_nothing(changes, folder, mark):
     assert not mark.exists()
 
 
-def test_a_submission_runs_nothing_unless_allowed(tmp_path, mark):
-    score = Score(0.0, 0)
-    entry = Entry("gap, any body", 0, "snake2", "intruder:Maker", (0.0,), 1.0, score, score)
+def test_a_submission_runs_nothing_unless_allowed_and_is_then_not_ranked(tmp_path, mark, monkeypatch):
+    monkeypatch.setattr("evolution._src.suite.exam.make_exam_scan", lambda *place: "truth")
+    entry = Entry("gap, any body", 0, "snake2", "intruder:Maker", (0.0,), 1.0)
     Submission("attack", (entry,)).save(tmp_path / "attack.json")
-    with pytest.raises(RunError, match=r"allow=\('intruder',\)"):
-        verify(load_submission(tmp_path / "attack.json"))
-    assert run_command(["bench-suite", "verify", str(tmp_path / "attack.json"), "--quiet"]) == 1
+    exam = hold_exam([load_submission(tmp_path / "attack.json")], 0)
+    assert not exam.results
+    assert "allow=('intruder',)" in exam.untried[0][1]
+    words = [
+        "bench-suite",
+        "board",
+        str(tmp_path / "attack.json"),
+        "--out",
+        str(tmp_path / "a.html"),
+        "--quiet",
+    ]
+    assert run_command(words) == 1
     assert not mark.exists()
 
 

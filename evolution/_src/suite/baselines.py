@@ -12,7 +12,7 @@ from jaxtyping import Float
 from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.pool import Simulate
 from evolution._src.backends.settings import Randomization, read_organism
-from evolution._src.backends.trials import Job, find_trial_controller
+from evolution._src.backends.trials import Job, Trials, find_trial_controller
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
 from evolution._src.search.bodies.algorithms import LevelResult, make_algorithm
@@ -24,8 +24,9 @@ from evolution._src.search.evaluation import try_attempts
 from evolution._src.search.record import Attempt
 from evolution._src.search.record import Entry as Tried
 from evolution._src.search.run import describe_origin
-from evolution._src.suite.submission import SCORING, Entry, Submission, compute_score, fill_submission
-from evolution._src.suite.tasks import BUDGET, EXAM_SEED, LARGEST, SUITE, SuiteTask, find_suite_task
+from evolution._src.suite.exam import SCORING
+from evolution._src.suite.submission import Entry, Submission, fill_submission
+from evolution._src.suite.tasks import BUDGET, LARGEST, SUITE, SuiteTask, find_suite_task
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.robot.body_plans import organism_to_text
@@ -34,7 +35,7 @@ from symbrion_gym._src.robot.organism import Organism
 CONTROLLER = "oscillators"  # The law of these baselines: it fits any body
 POPULATION = 8  # Genotypes of a generation
 SIGMA = 0.5  # Initial step size of CMA-ES, and spread of random genotypes
-RESTING_BODY = 3  # Modules in a row, where the body is free and nothing is searched
+LEARNING_SEED = 22  # Of the conditions while learning, with the number of the generation
 BODIES_DRAWN = 4  # Random bodies that CMA-ES shares its budget between, where the body is free
 LEARNING = LearningConfig(population_size=6, levels=(1, 2, 4), exam_trials=1, is_examined_early=False)
 """Of the bodies of the surrogate search; the first budget level is the zero genotype alone."""
@@ -66,8 +67,8 @@ class Practice:
 
     def try_all(self, body: Organism, genotypes: Float[np.ndarray, "P G"]) -> Float[np.ndarray, " P"]:
         """Try each genotype once, keep the best, and return the fitness of each."""
-        self.generation += 1  # from 1: a seed that ends in 0 would be that of the exam
-        trials = self.task.make_trials(body, CONTROLLER, 1, (*EXAM_SEED, self.generation))
+        self.generation += 1
+        trials = self._make_trials(body, (LEARNING_SEED, self.generation))
         outcomes = self.backend.run([Job(genotype, trials) for genotype in genotypes])
         self.seconds += sum(outcome.seconds for outcome in outcomes)
         fitness = np.array([SCORING.score(outcome, 0) for outcome in outcomes])
@@ -84,7 +85,10 @@ class Practice:
 
     def make_controller(self, body: Organism) -> Controller:
         """Return the controller of a body."""
-        return find_trial_controller(self.task.make_trials(body, CONTROLLER, 1, EXAM_SEED))
+        return find_trial_controller(self._make_trials(body, (LEARNING_SEED,)))
+
+    def _make_trials(self, body: Organism, seed: tuple[int, ...]) -> Trials:
+        return self.task.make_trials(self.task.find_scan(), body, CONTROLLER, 1, seed)
 
     def draw_body(self, rng: np.random.Generator) -> Organism:
         """Return the body of the task; a random one where it is free."""
@@ -94,9 +98,10 @@ class Practice:
 
 
 def _run_zero(practice: Practice, rng: np.random.Generator) -> None:
-    """Offer the zero genotype, untried: tracks full speed ahead, hinges straight."""
-    body = read_organism(RESTING_BODY if practice.task.body is None else practice.task.body)
-    practice.offer(body, np.zeros((1, len(practice.make_controller(body).parameters))), np.zeros(1))
+    """Try the zero genotype, tracks full speed ahead and hinges straight; with each row where the body is free."""
+    rows = range(1, LARGEST + 1) if practice.task.body is None else [practice.task.body]
+    for body in map(read_organism, rows):
+        practice.try_all(body, np.zeros((1, len(practice.make_controller(body).parameters))))
 
 
 def _run_random(practice: Practice, rng: np.random.Generator) -> None:
@@ -129,7 +134,7 @@ def _run_cmaes(practice: Practice, rng: np.random.Generator) -> None:
 def _run_surrogate(practice: Practice, rng: np.random.Generator) -> None:
     """Let the search of `symbrion evolve --bodies` propose bodies; the one that did best in its exam is kept."""
     config = BodyEvolutionConfig(
-        arena=practice.task.find_arena(in_truth=False),
+        arena=practice.task.find_scan(),
         seed=int(rng.integers(2**31)),
         controller=CONTROLLER,
         randomization=Randomization(stretch=(1.0,)),
@@ -183,12 +188,8 @@ def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget
     METHODS[name](practice, np.random.default_rng((seed, *task.name.encode(), *name.encode())))
     found = practice.best
     assert found is not None
-    plan = organism_to_text(found.body)
-    scan, truth = (
-        compute_score(task, plan, CONTROLLER, found.genotype, in_truth, backend) for in_truth in (False, True)
-    )
     genes = tuple(float(gene) for gene in found.genotype)
-    return Entry(task.name, seed, plan, CONTROLLER, genes, practice.seconds, scan, truth)
+    return Entry(task.name, seed, organism_to_text(found.body), CONTROLLER, genes, practice.seconds)
 
 
 def run_suite(

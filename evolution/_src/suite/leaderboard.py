@@ -1,4 +1,4 @@
-"""The leaderboard: the scores of submissions side by side."""
+"""The leaderboard: what submissions reached in an exam, side by side."""
 
 from __future__ import annotations
 
@@ -7,28 +7,33 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import stats
 
-from evolution._src.suite.submission import Entry, Submission
-from evolution._src.suite.tasks import BUDGET, EXAM_TRIALS, SUITE, VERSION
+from evolution._src.suite.exam import TRIALS, Exam, Result
+from evolution._src.suite.submission import Submission
+from evolution._src.suite.tasks import BUDGET, SUITE, VERSION
 
-SHORT_COLUMNS = ("task", "submission", "place", "seeds", "truth", "scan", "fitness")
-"""Those that a terminal has room for; the fitness is that in the truth."""
+COLUMNS = ("submission", "place", "seeds", "truth", "scan", "fitness", "spent [s]")
+"""Of a task: place, successes with their interval, fitness in the truth, and simulated time spent."""
 _SHORT_COMMIT = 8
-ALONE, SHARED, NOWHERE = "1", "1=", "–"
-"""Places: the first, the first with others, and that of submissions without any success."""
+_TRIMMED = 0.25  # Share left out at each end by the interquartile mean
 
 
-class Spread(NamedTuple):
-    """A number over the seeds."""
+class Estimate(NamedTuple):
+    """A number over the seeds: its interquartile mean, and the 95 % interval of that by bootstrap.
 
-    mean: float  # its mean
-    deviation: float  # its standard deviation over seeds; nan with one seed
+    References:
+        Agarwal et al. (2021), "Deep reinforcement learning at the edge of the statistical precipice", section 4.
+    """
 
-    def format(self, digits: int) -> str:
-        """Return "mean ± deviation", or the mean of the only seed."""
-        if np.isnan(self.deviation):
-            return f"{self.mean:.{digits}f}"
-        return f"{self.mean:.{digits}f} ± {self.deviation:.{digits}f}"
+    mean: float
+    low: float  # the mean itself where there is one seed alone
+    high: float
+
+    def __str__(self) -> str:
+        """Return "mean (low-high)", or the mean where nothing differs."""
+        interval = f" ({self.low:.1f}-{self.high:.1f})" if self.low < self.high else ""
+        return f"{self.mean:.1f}{interval}"
 
 
 class Row(NamedTuple):
@@ -36,131 +41,108 @@ class Row(NamedTuple):
 
     task: str  # name of the task
     submission: str  # name of the submission
+    place: str  # by successes in the truth: "1", "2=" where several have as many, and "–" without any success
     seeds: int  # how many there are
-    truth_successes: Spread  # of `EXAM_TRIALS`, in the truth
-    scan_successes: Spread  # on the scan
-    truth_fitness: Spread  # in the truth
-    scan_fitness: Spread  # on the scan
+    truth: Estimate  # successes in the truth, of `TRIALS`
+    scan: Estimate  # successes on the scan, of `TRIALS`
+    fitness: float  # in the truth, mean
     seconds: float  # simulated for it, mean [s]
-    # by mean successes in the truth: "1", "2=" where several have as many, and "–" without any success
-    place: str = NOWHERE
+
+    def format(self) -> list[str]:
+        """Return the text of `COLUMNS`."""
+        numbers = [f"{self.fitness:.2f}", f"{self.seconds:.0f}"]
+        return [self.submission, self.place, str(self.seeds), str(self.truth), str(self.scan), *numbers]
 
 
-def rank(submissions: Sequence[Submission]) -> list[Row]:
-    """Return a row for each task and submission, ordered by successes in the truth, then fitness there.
-
-    The place of a row is by successes alone: who succeeds as often as another is tied with it.
-    """
+def rank(exam: Exam) -> list[Row]:
+    """Return a row for each task and submission, ordered by successes in the truth, then fitness there."""
     rows = []
     for task in SUITE:
-        own = []
-        for submission in submissions:
-            entries = [entry for entry in submission.entries if entry.task == task.name]
-            if entries:
-                own.append(_sum_up(submission.name, entries))
-        means = [row.truth_successes.mean for row in own]
-        own = [row._replace(place=_find_place(row.truth_successes.mean, means)) for row in own]
-        rows += sorted(
-            own, key=lambda row: (-row.truth_successes.mean, -row.truth_fitness.mean, row.submission)
+        results = sorted(
+            (each for each in exam.results if each.entry.task == task.name), key=lambda each: each.submission
         )
+        own = [_sum_up(list(each)) for _, each in groupby(results, key=lambda each: each.submission)]
+        means = [row.truth.mean for row in own]
+        own = [row._replace(place=_find_place(row.truth.mean, means)) for row in own]
+        rows += sorted(own, key=lambda row: (-row.truth.mean, -row.fitness, row.submission))
     return rows
+
+
+def _sum_up(results: Sequence[Result]) -> Row:
+    first = results[0]
+    truth, scan = (
+        estimate([getattr(each, name).successes for each in results]) for name in ("truth", "scan")
+    )
+    fitness, seconds = np.mean(
+        [(each.truth.fitness, each.entry.seconds) for each in results], axis=0
+    ).tolist()
+    return Row(first.entry.task, first.submission, "", len(results), truth, scan, fitness, seconds)
+
+
+def estimate(values: Sequence[float]) -> Estimate:
+    """Return what values over seeds show."""
+    mean = float(stats.trim_mean(values, _TRIMMED))
+    if np.ptp(values) == 0:
+        return Estimate(mean, mean, mean)
+    found = stats.bootstrap(
+        (values,), lambda each, axis: stats.trim_mean(each, _TRIMMED, axis), method="percentile", rng=0
+    )
+    return Estimate(mean, *map(float, found.confidence_interval))
 
 
 def _find_place(mean: float, means: Sequence[float]) -> str:
     if mean <= 0.0:
-        return NOWHERE
+        return "–"
     return f"{1 + sum(each > mean for each in means)}{'=' * (means.count(mean) > 1)}"
 
 
-def count_wins(submissions: Sequence[Submission], place: str = ALONE) -> dict[str, int]:
-    """Return on how many tasks each submission has a place: alone at the top, or `SHARED` with others."""
-    wins = dict.fromkeys((submission.name for submission in submissions), 0)
-    for row in rank(submissions):
-        wins[row.submission] += row.place == place
-    return wins
-
-
-def find_overview(submissions: Sequence[Submission]) -> list[list[str]]:
-    """Return a row for each submission: mean successes in the truth, tasks, seeds, tasks led, tied, then each task.
+def make_overview(exam: Exam) -> list[list[str]]:
+    """Return a row for each submission: its name, mean successes in the truth over its tasks, then each task.
 
     The best mean first; a submission that has not all tasks comes after those that have, and "–" stands where it has
     none.
     """
-    wins, ties = count_wins(submissions), count_wins(submissions, SHARED)
-    table = {(row.task, row.submission): row for row in rank(submissions)}
+    table = {(row.submission, row.task): row for row in rank(exam)}
     lines = []
-    for name in wins:
-        cells = [table.get((task.name, name)) for task in SUITE]
-        own = [cell.truth_successes.mean for cell in cells if cell]
-        mean = float(np.mean(own)) if own else 0.0
-        shown = [f"{cell.truth_successes.mean:.1f}" if cell else "–" for cell in cells]
-        seeds = sorted({cell.seeds for cell in cells if cell})
-        counts = [str(len(own)), "-".join(map(str, seeds[:: max(len(seeds) - 1, 1)]))]
-        counts += [str(wins[name]), str(ties[name])]
-        lines.append((-len(own), -mean, name, [name, f"{mean:.1f}", *counts, *shown]))
+    for name in sorted({submission for submission, _ in table}):
+        cells = [table.get((name, task.name)) for task in SUITE]
+        own = [cell.truth.mean for cell in cells if cell]
+        shown = [f"{cell.truth.mean:.1f}" if cell else "–" for cell in cells]
+        lines.append((-len(own), -np.mean(own), [name, f"{np.mean(own):.1f}", *shown]))
     return [line[-1] for line in sorted(lines)]
 
 
-def shorten_rows(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the rows as text for a terminal, the name of a task in the first of its rows alone."""
-    lines = []
-    for task, own in groupby(rows, key=lambda row: row.task):
-        for index, row in enumerate(own):
-            lines.append([task if index == 0 else "", *_format_row(row)[: len(SHORT_COLUMNS) - 1]])
-    return lines
-
-
-def make_page(submissions: Sequence[Submission]) -> Any:
+def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
     """Return the leaderboard as a page."""
     from evolution._src.report.page import Page
 
     page = Page(
         title=f"Symbrion benchmark suite {VERSION}",
         summary=(
-            f"{len(SUITE)} tasks, {BUDGET:,.0f} simulated seconds for a task and seed. A method sees the scanned arena "
-            f"alone; a score is {EXAM_TRIALS} trials under other conditions, on the scan and in the truth."
+            f"{len(SUITE)} tasks, {BUDGET:,.0f} simulated seconds for a task and seed. Every entry was tried again: "
+            f"{TRIALS} trials on a scan and in the truth, both drawn with exam seed {exam.seed}."
         ),
     )
     page.add_section("Overview")
     page.add_table(
-        ["submission", "mean", "tasks", "seeds", "led", "tied", *(task.name for task in SUITE)],
-        find_overview(submissions),
-        f"Successes of {EXAM_TRIALS} in the truth, mean over seeds and its tasks; how many tasks and seeds it has; "
-        "tasks led by more successes than all others, and tied for the lead; then each task. Nobody leads where nobody "
-        "succeeds.",
+        ["submission", "mean", *(task.name for task in SUITE)],
+        make_overview(exam),
+        f"Successes of {TRIALS} in the truth, interquartile mean over seeds: over all tasks, then of each.",
     )
-    for name, rows in groupby(rank(submissions), key=lambda row: row.task):
+    for name, rows in groupby(rank(exam), key=lambda row: row.task):
         page.add_section(name.capitalize())
         page.add_table(
-            [
-                *("submission", "place", "seeds", f"truth, of {EXAM_TRIALS}", f"scan, of {EXAM_TRIALS}"),
-                *("fitness, truth", "fitness, scan", "spent [s]"),
-            ],
-            [_format_row(row) for row in rows],
-            "Successes and fitness, mean ± standard deviation over seeds. The place is by successes in the truth: 1= "
-            "is a tie for the first, – has no success. Rows of one place are ordered by fitness in the truth.",
+            list(COLUMNS),
+            [row.format() for row in rows],
+            f"Successes of {TRIALS}: interquartile mean over seeds and its 95 % interval. The place is by successes in "
+            "the truth: 1= is a tie, – has no success.",
         )
-    page.add_section("Provenance")
+    if exam.untried:
+        page.add_section("Not tried, so not ranked")
+        page.add_list([f"{name}: {why}" for name, why in exam.untried])
+    page.add_section("Provenance, as submissions tell it")
     page.add_list([_describe(each) for each in submissions])
     return page
-
-
-def _sum_up(name: str, entries: Sequence[Entry]) -> Row:
-    scores = [
-        (entry.truth.successes, entry.scan.successes, entry.truth.fitness, entry.scan.fitness)
-        for entry in entries
-    ]
-    means = np.mean(scores, axis=0).tolist()
-    deviations = np.std(scores, axis=0, ddof=1).tolist() if len(entries) > 1 else [np.nan] * len(means)
-    truth, scan, truth_fitness, scan_fitness = map(Spread, means, deviations)
-    seconds = float(np.mean([entry.seconds for entry in entries]))
-    return Row(entries[0].task, name, len(entries), truth, scan, truth_fitness, scan_fitness, seconds)
-
-
-def _format_row(row: Row) -> list[str]:
-    successes = [each.format(1) for each in (row.truth_successes, row.scan_successes)]
-    fitness = [each.format(2) for each in (row.truth_fitness, row.scan_fitness)]
-    return [row.submission, row.place, str(row.seeds), *successes, *fitness, f"{row.seconds:.0f}"]
 
 
 def _describe(submission: Submission) -> str:

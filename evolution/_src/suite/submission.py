@@ -1,50 +1,25 @@
-"""Submissions to the benchmark suite: one JSON file with what was learned, its scores and its provenance.
+"""Submissions to the benchmark suite: one JSON file with what was learned and its provenance, and no score.
 
-A file is filled entry by entry, so that a run that was stopped goes on; every score can be computed again.
+A file is filled entry by entry, so that a run that was stopped goes on. What it is worth the exam finds out.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from evolution._src.backends.cluster import Backend, make_backend
-from evolution._src.backends.scoring import Scoring
 from evolution._src.backends.settings import read_organism
-from evolution._src.backends.trials import Job
 from evolution._src.errors import RunError
-from evolution._src.references import check_allowed
-from evolution._src.suite.tasks import (
-    BUDGET,
-    EXAM_SEED,
-    EXAM_TRIALS,
-    LARGEST,
-    VERSION,
-    SuiteTask,
-    find_suite_task,
-)
+from evolution._src.suite.tasks import BUDGET, LARGEST, VERSION, SuiteTask, find_suite_task
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.typed_json import JsonError, as_type, read_json
 
-FORMAT = "symbrion suite submission 1"
-SCORING = Scoring(module=0.0)
-"""The fitness of a score: progress [m], 1 for a success rate of 1, less the effort."""
-TOLERANCE = 1e-6  # Difference of fitness that other processors and versions of libraries may make [m]
-
-
-@dataclass(frozen=True)
-class Score:
-    """How a genotype fared in the trials of the suite."""
-
-    fitness: float  # mean over trials, see `evolution._src.backends.scoring`
-    successes: int  # successful trials of `EXAM_TRIALS`
+FORMAT = "symbrion suite submission 2"
 
 
 @dataclass(frozen=True)
@@ -57,8 +32,6 @@ class Entry:
     controller: str  # name of a law of ours, or "module:name"
     genotype: tuple[float, ...]  # genes of the controller
     seconds: float  # simulated time that was spent [s], at most the budget and one generation
-    scan: Score  # score in the arena
-    truth: Score  # score in the exact arena
 
 
 @dataclass(frozen=True)
@@ -123,18 +96,6 @@ def _check_entry(entry: Entry) -> None:
         raise RunError(f"{entry.task}: {entry.seconds:.0f} s were spent, of a budget of {BUDGET:.0f} s")
 
 
-def compute_score(
-    task: SuiteTask, body: Any, controller: str, genotype: Any, in_truth: bool, backend: Backend | None = None
-) -> Score:
-    """Return the score of a genotype; equal genotypes have equal scores."""
-    trials = task.make_trials(body, controller, EXAM_TRIALS, EXAM_SEED, in_truth)
-    own = backend or make_backend("batch", 1)
-    outcome = own.run([Job(np.asarray(genotype, dtype=float), trials)])[0]
-    if outcome.error:
-        raise RunError(f"{task.name}: the genotype cannot be tried: {outcome.error}")
-    return Score(SCORING.score(outcome, 0), outcome.successes)
-
-
 def fill_submission(
     name: str,
     find_entry: Callable[[SuiteTask, int], Entry],
@@ -162,44 +123,3 @@ def fill_submission(
         if out is not None:
             submission.save(out)
     return submission
-
-
-class Check(NamedTuple):
-    """An entry whose score was computed again."""
-
-    entry: Entry  # as submitted
-    scan: Score  # score in the arena, computed again
-    truth: Score  # score in the exact arena, computed again
-
-    @property
-    def holds(self) -> bool:
-        """Whether both scores are those of the submission."""
-        pairs = (self.entry.scan, self.scan), (self.entry.truth, self.truth)
-        return all(
-            told.successes == found.successes and abs(told.fitness - found.fitness) <= TOLERANCE
-            for told, found in pairs
-        )
-
-
-def verify(
-    submission: Submission,
-    progress: Progress = silent,
-    tasks: Sequence[str] = (),
-    allow: Collection[str] = (),
-) -> list[Check]:
-    """Run every genotype of a submission again, on the scan and in the truth."""
-    names = {find_suite_task(name).name for name in tasks}
-    entries = [entry for entry in submission.entries if not names or entry.task in names]
-    for entry in entries:
-        if ":" in entry.controller:
-            check_allowed(entry.controller, "controller", allow)
-    checks = []
-    for number, entry in enumerate(entries):
-        progress(entry.task, number / len(entries))
-        task = find_suite_task(entry.task)
-        scan, truth = (
-            compute_score(task, entry.body, entry.controller, entry.genotype, in_truth)
-            for in_truth in (False, True)
-        )
-        checks.append(Check(entry, scan, truth))
-    return checks

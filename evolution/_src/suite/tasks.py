@@ -78,8 +78,6 @@ def find_published_arena(name: str) -> Path:
 
 VERSION = "2"  # Raised when a task changes, so that scores of different suites are never compared
 BUDGET = 1000.0  # Simulated time that a method may spend on a task with one seed [s]
-EXAM_TRIALS = 10  # Trials of a score, under conditions that no method has seen
-EXAM_SEED = (22, 2026)  # Seed of the conditions of a score; learning uses one number more
 LARGEST = 5  # Modules of a body that may be chosen
 
 
@@ -96,11 +94,11 @@ class SuiteTask:
     options: Mapping[str, Any] = field(default_factory=dict)  # of the environment
 
     def make_trials(
-        self, body: Any, controller: Any, count: int, seed: tuple[int, ...], in_truth: bool = False
+        self, arena: ArenaSource, body: Any, controller: Any, count: int, seed: tuple[int, ...]
     ) -> Trials:
         """Return trials of a genotype."""
         return Trials(
-            arena=self.find_arena(in_truth),
+            arena=arena,
             organism=body,
             controller=controller,
             randomization=Randomization(stretch=(1.0,)),
@@ -113,11 +111,13 @@ class SuiteTask:
         """Return the options of the environment, those of all tasks included."""
         return {"track_control": "skid", "duration": 15.0} | dict(self.options)
 
-    def find_arena(self, in_truth: bool) -> ArenaSource:
-        """Return the scanned arena, or the exact one."""
-        if in_truth:
-            return make_true_arena(self.arena) if self.truth is None else self.truth
+    def find_scan(self) -> str:
+        """Return the scanned arena that a method may use."""
         return str(find_published_arena(self.arena)) if self.arena in PLACES else self.arena
+
+    def find_truth(self) -> ArenaSource:
+        """Return the exact arena, which judges alone."""
+        return make_true_arena(self.arena) if self.truth is None else self.truth
 
 
 CROSS = "SBSFSBSF0000SLSF0000SRSF00000000"  # A module with others on all sides: five modules

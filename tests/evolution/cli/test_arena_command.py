@@ -1,7 +1,6 @@
 """`symbrion arena` and `symbrion view`: honest tables, warnings, pictures, exit codes."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from evolution._src.cli.main import run
 
 
 @pytest.fixture
-def sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def sheet(tmp_path, monkeypatch):
     """A mesh file of uneven ground."""
     monkeypatch.setenv("SYMBRION_CACHE", str(tmp_path / "cache"))
     mesh = trimesh.creation.box((4, 2, 0.2)).subdivide().subdivide()
@@ -25,16 +24,16 @@ def sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
+def small(monkeypatch):
     for name in ("arena_view", "error_map"):
         monkeypatch.setattr(f"evolution._src.report.{name}.WIDTH", 400)
 
 
-def make(sheet: Path, *words: str) -> list[str]:
+def make(sheet, *words):
     return ["arena", str(sheet), "--kind", "prisms", "--out", str(sheet.parent / "out"), "--quiet", *words]
 
 
-def test_quality_is_told_and_kept(sheet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quality_is_told_and_kept(sheet, capsys):
     assert run(make(sheet, "--viewpoint", "0", "0", "2", "1", "0", "2", "--accuracy", "0.01")) == 0
     table = capsys.readouterr().out
     for words in ("accuracy wanted", "accuracy reached", "beams that end", "free space", "pieces"):
@@ -45,7 +44,7 @@ def test_quality_is_told_and_kept(sheet: Path, capsys: pytest.CaptureFixture[str
     assert kept["free_space"] < 0.01
 
 
-def test_a_height_field_is_not_called_pieces(sheet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_height_field_is_not_called_pieces(sheet, capsys):
     words = make(sheet)
     words[words.index("prisms")] = "hfield"
     assert run(words) == 0
@@ -55,9 +54,7 @@ def test_a_height_field_is_not_called_pieces(sheet: Path, capsys: pytest.Capture
     assert "0 pieces" not in text
 
 
-def test_a_missed_accuracy_is_a_warning_and_with_strict_an_exit_code(
-    sheet: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_missed_accuracy_is_a_warning_and_with_strict_an_exit_code(sheet, capsys, caplog):
     words = make(sheet, "--accuracy", "1e-9", "--max-pieces", "1", "--json")
     assert run(words) == 0
     summary = json.loads(capsys.readouterr().out)
@@ -69,7 +66,7 @@ def test_a_missed_accuracy_is_a_warning_and_with_strict_an_exit_code(
     assert run(make(sheet, "--accuracy", "0.5", "--strict")) == 0
 
 
-def test_pictures(sheet: Path) -> None:
+def test_pictures(sheet):
     picture = sheet.parent / "new" / "error.png"
     assert run(make(sheet, "--picture", str(picture))) == 0
     assert Image.open(picture).size[0] > 500
@@ -78,7 +75,7 @@ def test_pictures(sheet: Path) -> None:
     assert Image.open(seen).size[0] > 500
 
 
-def test_view_tells_ground_and_route(sheet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_view_tells_ground_and_route(sheet, capsys):
     assert run(["view", "truth", "--picture", str(sheet.parent / "a.png"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["ground"]["drivable_area"] > 1.0
@@ -107,9 +104,7 @@ def test_view_tells_ground_and_route(sheet: Path, capsys: pytest.CaptureFixture[
         (["--picture", "a.jpg"], ".png"),
     ],
 )
-def test_impossible_options_are_refused(
-    sheet: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_impossible_options_are_refused(sheet, words, message, capsys):
     assert run(make(sheet, *words)) == 2
     assert message in capsys.readouterr().err
 
@@ -125,9 +120,7 @@ def test_impossible_options_are_refused(
         (["truth", "--picture", "a.png", "--layers", "fog"], "fog"),
     ],
 )
-def test_what_cannot_be_viewed_is_refused(
-    words: list[str], message: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_viewed_is_refused(words, message, capsys, monkeypatch):
     monkeypatch.setattr("evolution._src.cli.commands.view.has_display", lambda: False)
     assert run(["view", *words]) == 2
     assert message in capsys.readouterr().err

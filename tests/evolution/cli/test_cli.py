@@ -2,7 +2,6 @@
 
 import json
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from evolution._src.cli.main import run
 
 
 @pytest.fixture
-def cloud(tmp_path: Path) -> Path:
+def cloud(tmp_path):
     """A file of points on a wavy sheet."""
     points = np.random.default_rng(0).uniform(-1, 1, (3000, 3))
     points[:, 2] = 0.1 * np.sin(3 * points[:, 0])
@@ -25,7 +24,7 @@ def cloud(tmp_path: Path) -> Path:
     return path
 
 
-def refuse(words: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> str:
+def refuse(words, code, capsys):
     """Run a command line that must fail with one line on standard error; return that line."""
     assert run(words) == code
     output = capsys.readouterr()
@@ -35,9 +34,7 @@ def refuse(words: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> s
     return lines[0]
 
 
-def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(
-    cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(cloud, tmp_path, capsys):
     words = ["reconstruct", str(cloud), "--raw", "--units", "100", "--out", str(tmp_path / "a.ply")]
     line = refuse([*words, "--max-gigabytes", "0.00005"], 1, capsys)
     assert "sheet.xyz" in line
@@ -50,7 +47,7 @@ def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_teaches(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_teaches(name, capsys):
     assert run([name, "--help"]) == 0
     text = capsys.readouterr().out
     assert "--json" in text
@@ -58,13 +55,13 @@ def test_help_teaches(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "Example" in text
 
 
-def test_help_lists_every_subcommand(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_lists_every_subcommand(capsys):
     assert run(["--help"]) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in COMMANDS)
 
 
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_version(capsys):
     assert run(["--version"]) == 0
     assert capsys.readouterr().out == f"symbrion-gym {version('symbrion-gym')}\n"
 
@@ -95,22 +92,14 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["demo", "--seed", "-5"], "--seed -5 is too few"),
     ],
 )
-def test_wrong_usage_is_one_line(
-    words: list[str],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_wrong_usage_is_one_line(words, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert message in refuse(words, 2, capsys)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("content", ["", "nan nan nan\n" * 100, "0 0 0\n", "hello world\n", "1 2\n3 4\n"])
-def test_unusable_clouds_are_refused(
-    content: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_unusable_clouds_are_refused(content, capsys, tmp_path):
     scan = tmp_path / "scan.xyz"
     scan.write_text(content)
     assert "scan.xyz" in refuse(["reconstruct", str(scan), "--out", str(tmp_path / "out.ply")], 1, capsys)
@@ -118,11 +107,11 @@ def test_unusable_clouds_are_refused(
 
 
 @pytest.mark.parametrize("value", ["3", "-1"])
-def test_too_few_units_are_refused(value: str, cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_too_few_units_are_refused(value, cloud, capsys):
     assert f"--units {value}" in refuse(["reconstruct", str(cloud), "--units", value], 2, capsys)
 
 
-def test_empty_crop_is_refused(cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_empty_crop_is_refused(cloud, capsys):
     words = ["reconstruct", str(cloud), "--crop", "1", "0", "0", "1", "0", "1"]
     assert "--crop" in refuse(words, 2, capsys)
 
@@ -137,21 +126,13 @@ def test_empty_crop_is_refused(cloud: Path, capsys: pytest.CaptureFixture[str]) 
         (["demo", "--out", "file/demo"], "--out"),
     ],
 )
-def test_outputs_that_cannot_be_written_are_refused(
-    words: list[str],
-    option: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_outputs_that_cannot_be_written_are_refused(words, option, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("in the way")
     assert option in refuse(words, 2, capsys)
 
 
-def test_reconstruct_writes_mesh_and_summary(
-    cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_reconstruct_writes_mesh_and_summary(cloud, tmp_path, capsys):
     out = tmp_path / "surface.ply"
     assert run(["reconstruct", str(cloud), "--units", "100", "--out", str(out), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
@@ -161,7 +142,7 @@ def test_reconstruct_writes_mesh_and_summary(
     assert sorted(p.name for p in tmp_path.iterdir()) == ["sheet.xyz", "surface.ply"]
 
 
-def test_evolve_then_resume_then_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_evolve_then_resume_then_replay(tmp_path, capsys):
     folder = tmp_path / "run"
     start = ["evolve", "--arena", "truth", "--modules", "3", "--population", "4", "--trials", "1", "--json"]
     assert run([*start, "--generations", "2", "--folder", str(folder)]) == 0
@@ -175,9 +156,7 @@ def test_evolve_then_resume_then_replay(tmp_path: Path, capsys: pytest.CaptureFi
     assert json.loads(capsys.readouterr().out)["trials"] == 2
 
 
-def test_a_search_for_bodies_is_replayed_and_has_no_curve(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_search_for_bodies_is_replayed_and_has_no_curve(tmp_path, capsys):
     bodies = ev.BodiesConfig(largest=2, children=2)
     learning = ev.LearningConfig(population_size=4, levels=(1,), exam_trials=1)
     folder = str(tmp_path / "bodies")
@@ -203,9 +182,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("field", DAMAGE)
-def test_a_damaged_arena_is_refused_by_file_and_field(
-    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damaged_arena_is_refused_by_file_and_field(field, tmp_path, capsys):
     sg.load_arena("truth").save(tmp_path / "pit")
     about = tmp_path / "pit" / "arena.json"
     about.write_text(json.dumps(DAMAGE[field](json.loads(about.read_text()))))
@@ -222,9 +199,7 @@ def test_a_damaged_arena_is_refused_by_file_and_field(
 @pytest.mark.parametrize(
     ("field", "value"), [("sigma", float("nan")), ("modules", 10**9), ("sigma", "7"), ("wings", 2)]
 )
-def test_a_damaged_run_is_refused_by_file_and_field(
-    field: str, value: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damaged_run_is_refused_by_file_and_field(field, value, tmp_path, capsys):
     config = ev.EvolutionConfig(arena="truth", generations=1, folder=str(tmp_path / "run"))
     ev.evolve(config, simulate=toys.bowl)
     path = tmp_path / "run" / "config.json"
@@ -237,7 +212,7 @@ def test_a_damaged_run_is_refused_by_file_and_field(
         assert field in message
 
 
-def test_a_damaged_file_of_waypoints_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_damaged_file_of_waypoints_is_refused(tmp_path, capsys):
     path = tmp_path / "way.json"
     for text in ("[" * 100_000, "[[0, 1], [2]]", "[[0, NaN], [1, 1]]", "{}", "7", "not json"):
         path.write_text(text)
@@ -248,5 +223,5 @@ def test_a_damaged_file_of_waypoints_is_refused(tmp_path: Path, capsys: pytest.C
     ("arena", "wanted"),
     [("gsrm", "truth"), ("truth", "truth"), ("arenas/mine", "arenas/mine"), ("stairs", "stairs")],
 )
-def test_a_champion_of_an_own_arena_is_replayed_there(arena: str, wanted: str) -> None:
+def test_a_champion_of_an_own_arena_is_replayed_there(arena, wanted):
     assert choose_arena(arena) == wanted

@@ -1,7 +1,5 @@
 """`symbrion arena --object`: finds known objects in a scan; refusals in one line."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -13,7 +11,7 @@ from evolution._src.cli.main import run
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> Path:
+def files(tmp_path):
     socket = make_socket()
     socket.export(tmp_path / "socket.stl")
     wall = trimesh.creation.box((0.1, 2.0, 2.0)).apply_translation((-0.05, 0, 0.5))
@@ -23,9 +21,7 @@ def files(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_objects_of_a_scan_are_placed_in_the_arena(
-    files: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_objects_of_a_scan_are_placed_in_the_arena(files, capsys, monkeypatch):
     pytest.importorskip("cv2", reason="the extra 'objects' (opencv-contrib-python-headless) is absent")
     place = np.array([0.0, 0.2, 0.5])
     found = rc.FoundObject("socket", place, np.eye(3), score=1.0, coverage=0.9, num_beams=50)
@@ -50,18 +46,14 @@ def test_objects_of_a_scan_are_placed_in_the_arena(
         ),
     ],
 )
-def test_refusals_are_one_line(
-    words: list[str], message: str, files: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_refusals_are_one_line(words, message, files, capsys):
     assert run(["arena", str(files / "room.ply"), *(word.format(files=files) for word in words)]) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
 
 
-def test_a_missing_extra_is_named(
-    files: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_extra_is_named(files, capsys, monkeypatch):
     monkeypatch.setattr("reconstruction._src.base.extras.find_spec", lambda name: None)
     words = ["--scan", str(files / "room.ply"), "--object", str(files / "socket.stl")]
     assert run(["arena", str(files / "room.ply"), *words]) == 1

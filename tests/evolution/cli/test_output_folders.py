@@ -23,7 +23,7 @@ from evolution._src.experiments.paper import OUTPUTS, write_json
 from evolution._src.report.page import Page
 
 
-def put_user_file(folder: Path, name: str) -> Path:
+def put_user_file(folder, name):
     """Put a file of the user's where a command would write a file or a folder."""
     path = folder / name / "notes.txt" if "." not in name else folder / name
     path.parent.mkdir(parents=True)
@@ -31,7 +31,7 @@ def put_user_file(folder: Path, name: str) -> Path:
     return path
 
 
-def read_all(folder: Path) -> dict[str, bytes]:
+def read_all(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
@@ -39,9 +39,7 @@ def read_all(folder: Path) -> dict[str, bytes]:
     ("command", "name"),
     [*((("demo",), name) for name in DEMO_OUTPUTS), *((("paper", "--quick"), name) for name in OUTPUTS)],
 )
-def test_other_files_are_not_overwritten(
-    tmp_path: Path, command: tuple[str, ...], name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_files_are_not_overwritten(tmp_path, command: tuple[str, ...], name, capsys):
     put_user_file(tmp_path / "x", name)
     before = read_all(tmp_path)
     assert run([*command, "--out", str(tmp_path / "x")]) == 1
@@ -51,7 +49,7 @@ def test_other_files_are_not_overwritten(
     assert read_all(tmp_path) == before
 
 
-def test_the_demo_knows_its_own_folder(tmp_path: Path) -> None:
+def test_the_demo_knows_its_own_folder(tmp_path):
     config = DemoConfig(tmp_path / "x")
     claim_folder(config)
     for name in DEMO_OUTPUTS:
@@ -61,7 +59,7 @@ def test_the_demo_knows_its_own_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ['{"my": "own"}', "[]", "not json", ""])
-def test_a_foreign_marker_is_refused(tmp_path: Path, content: str) -> None:
+def test_a_foreign_marker_is_refused(tmp_path, content):
     (tmp_path / "demo.json").write_text(content)
     (tmp_path / "survey.npz").write_text("mine")
     with pytest.raises(ev.RunError, match=r"demo\.json was not written by a demo"):
@@ -69,7 +67,7 @@ def test_a_foreign_marker_is_refused(tmp_path: Path, content: str) -> None:
     assert (tmp_path / "demo.json").read_text() == content
 
 
-def test_arenas_replace_only_arenas(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_arenas_replace_only_arenas(tmp_path, capsys):
     mesh = tmp_path / "m.ply"
     trimesh.creation.box().export(mesh)
     put_user_file(tmp_path / "x", "gsrm")
@@ -81,14 +79,7 @@ def test_arenas_replace_only_arenas(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 @pytest.mark.parametrize(("command", "name"), [("survey", "survey.npz"), ("reconstruct", "surface.npz")])
 @pytest.mark.parametrize("is_archive", [True, False])
-def test_a_default_name_replaces_no_other_file(
-    tmp_path: Path,
-    command: str,
-    name: str,
-    is_archive: bool,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_default_name_replaces_no_other_file(tmp_path, command, name, is_archive, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     np.savetxt("cloud.xyz", np.random.default_rng(0).uniform(size=(50, 3)))
     if is_archive:
@@ -101,7 +92,7 @@ def test_a_default_name_replaces_no_other_file(
     assert read_all(tmp_path) == before
 
 
-def test_a_scan_is_not_replaced_by_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scan_is_not_replaced_by_its_surface(tmp_path, capsys):
     scan = tmp_path / "scan.ply"
     rc.save_points(scan, np.random.default_rng(0).uniform(size=(50, 3)))
     before = read_all(tmp_path)
@@ -111,9 +102,7 @@ def test_a_scan_is_not_replaced_by_its_surface(tmp_path: Path, capsys: pytest.Ca
 
 
 @pytest.mark.parametrize("words", [["survey", "truth"], ["reconstruct", "cloud.xyz"]])
-def test_a_folder_is_never_replaced_by_a_file(
-    tmp_path: Path, words: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_is_never_replaced_by_a_file(tmp_path, words, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("cloud.xyz").write_text("0 0 0\n0 0 1\n0 1 0\n")
     put_user_file(tmp_path, "out.npz/notes.txt")
@@ -121,11 +110,11 @@ def test_a_folder_is_never_replaced_by_a_file(
     assert (tmp_path / "out.npz" / "notes.txt").read_text() == "mine"
 
 
-def make_log(value: float) -> rc.ScanLog:
+def make_log(value):
     return rc.ScanLog(np.full((2, 3), value), np.arange(3.0), np.stack([np.eye(4)] * 2))
 
 
-def make_page(text: str) -> Page:
+def make_page(text):
     page = Page(text)
     page.add_text(text)
     return page
@@ -141,9 +130,7 @@ WRITERS = {
 
 @pytest.mark.parametrize("kind", WRITERS)
 @pytest.mark.parametrize("exists", [True, False])
-def test_a_kill_leaves_the_old_file_or_the_new_one(
-    tmp_path: Path, kind: str, exists: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_kill_leaves_the_old_file_or_the_new_one(tmp_path, kind, exists, monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
     write, name = WRITERS[kind]
     path = tmp_path / name
@@ -167,7 +154,7 @@ KILLS = 6
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["arena", "survey", "reconstruct"])
-def test_commands_killed_while_they_write(tmp_path: Path, command: str) -> None:
+def test_commands_killed_while_they_write(tmp_path, command):
     """Signal 9 comes a random moment after the first change in the folder."""
     box = trimesh.creation.box((2, 2, 0.3))
     box.export(tmp_path / "box.ply")
@@ -200,7 +187,7 @@ def test_commands_killed_while_they_write(tmp_path: Path, command: str) -> None:
             (rc.load_scan_log if command == "survey" else rc.Reconstruction.load)(out)
 
 
-def _list(folder: Path) -> list[tuple[str, int]]:
+def _list(folder):
     found = []
     for path in sorted(folder.rglob("*")):
         try:

@@ -15,12 +15,12 @@ from reconstruction._src.scans.scan import ScanLog
 SHEET = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.01], (2000, 3))
 
 
-def write(path: Path, points: np.ndarray) -> Path:
+def write(path, points: np.ndarray):
     np.savez(path, points=points)
     return path
 
 
-def refuse(words: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> str:
+def refuse(words, code, capsys):
     """Run a command line that must fail with one line on standard error; return that line."""
     assert run(words) == code
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("symbrion: ")]
@@ -28,7 +28,7 @@ def refuse(words: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> s
     return lines[0]
 
 
-def test_the_offset_viewpoints_and_all_readings_are_kept(tmp_path: Path, capsys) -> None:
+def test_the_offset_viewpoints_and_all_readings_are_kept(tmp_path, capsys):
     far = SHEET + np.array([500_000.0, 5_403_700.0, 300.0])
     path, out = write(tmp_path / "far.npz", far), tmp_path / "out.npz"
     words = ["--viewpoint", "500000", "5403700", "302", "500001", "5403700", "302", "--thin", "0.1"]
@@ -43,7 +43,7 @@ def test_the_offset_viewpoints_and_all_readings_are_kept(tmp_path: Path, capsys)
     assert (surface.mesh.face_normals[:, 2] > 0).all()
 
 
-def test_the_offset_is_printed_with_all_digits(tmp_path: Path, capsys) -> None:
+def test_the_offset_is_printed_with_all_digits(tmp_path, capsys):
     path = write(tmp_path / "far.npz", SHEET + np.array([500_000.0, 5_403_706.0, 300.0]))
     assert run(["reconstruct", str(path), "--out", str(tmp_path / "a.npz"), "--units", "60", "--quiet"]) == 0
     output = capsys.readouterr().out
@@ -51,7 +51,7 @@ def test_the_offset_is_printed_with_all_digits(tmp_path: Path, capsys) -> None:
     assert "far.npz: 2000 points" in output
 
 
-def test_a_surface_seen_from_below_looks_down(tmp_path: Path) -> None:
+def test_a_surface_seen_from_below_looks_down(tmp_path):
     path, out = write(tmp_path / "a.npz", SHEET), tmp_path / "out.npz"
     assert (
         run(["reconstruct", str(path), "--out", str(out), "--units", "60", "--viewpoint", "0", "0", "-2"])
@@ -61,7 +61,7 @@ def test_a_surface_seen_from_below_looks_down(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("factor", [2000.0, 0.01])
-def test_an_odd_size_is_asked_about(tmp_path: Path, factor: float, capsys) -> None:
+def test_an_odd_size_is_asked_about(tmp_path, factor, capsys):
     path = write(tmp_path / "a.npz", SHEET * factor)
     words = ["reconstruct", str(path), "--out", str(tmp_path / "out.npz"), "--units", "60", "--quiet"]
     line = refuse(words, 2, capsys)
@@ -74,13 +74,13 @@ def test_an_odd_size_is_asked_about(tmp_path: Path, factor: float, capsys) -> No
     assert "longest side" not in capsys.readouterr().err
 
 
-def test_crop_auto_drops_strays(tmp_path: Path) -> None:
+def test_crop_auto_drops_strays(tmp_path):
     path = write(tmp_path / "a.npz", np.concatenate([SHEET, [[5e4, 0, 0], [0, -3e3, 1]]]))
     scan = Reconstruct(source=path, out=tmp_path / "a.ply", crop="auto", raw=True).read_scan()
     assert scan.points.num_points == scan.readings.num_points == 2000
 
 
-def test_a_box_is_in_the_coordinates_of_the_file(tmp_path: Path, capsys) -> None:
+def test_a_box_is_in_the_coordinates_of_the_file(tmp_path, capsys):
     far = SHEET + np.array([500_000.0, 0.0, 0.0])
     path = write(tmp_path / "a.npz", far)
     box = (500_000.0, 500_001.0, -1.0, 1.0, -1.0, 1.0)
@@ -92,14 +92,14 @@ def test_a_box_is_in_the_coordinates_of_the_file(tmp_path: Path, capsys) -> None
     assert "x 499999 to 500001" in line
 
 
-def test_units_axes_and_scale_reach_the_points(tmp_path: Path) -> None:
+def test_units_axes_and_scale_reach_the_points(tmp_path):
     path = write(tmp_path / "a.npz", SHEET)
     options = {"unit": "ft", "up": "-y", "scale": 2.0, "raw": True}
     points = Reconstruct(source=path, out=tmp_path / "a.ply", **options).read_scan().points.points
     np.testing.assert_allclose(points, SHEET[:, [0, 2, 1]] * 0.6096 * [1, 1, -1])
 
 
-def test_axes_with_a_sign_are_read_from_the_command_line(tmp_path: Path) -> None:
+def test_axes_with_a_sign_are_read_from_the_command_line(tmp_path):
     path = write(tmp_path / "a.npz", SHEET)
     command = _parse(
         ["reconstruct", str(path), "--up", "-y", "--viewpoint", "-1", "0", "-2.5", "--crop", "auto"]
@@ -108,7 +108,7 @@ def test_axes_with_a_sign_are_read_from_the_command_line(tmp_path: Path) -> None
     assert (command.up, command.viewpoint, command.crop) == ("-y", ((-1.0, 0.0, -2.5),), "auto")
 
 
-def test_a_mesh_is_sent_to_the_arena(tmp_path: Path, capsys) -> None:
+def test_a_mesh_is_sent_to_the_arena(tmp_path, capsys):
     for name in ("box.obj", "box.stl", "box.ply", "box.glb"):
         trimesh.creation.box((1, 1, 1)).subdivide_loop(3).export(tmp_path / name)
         words = [
@@ -126,7 +126,7 @@ def test_a_mesh_is_sent_to_the_arena(tmp_path: Path, capsys) -> None:
     assert run([*words, "--vertices"]) == 0
 
 
-def test_a_log_keeps_which_scan_saw_what(tmp_path: Path, capsys) -> None:
+def test_a_log_keeps_which_scan_saw_what(tmp_path, capsys):
     poses = np.tile(np.eye(4), (40, 1, 1))
     poses[:, :3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
     poses[:, :3, 3] = np.c_[0.05 * np.arange(40), np.zeros(40), np.full(40, 0.5)]
@@ -145,7 +145,7 @@ def test_a_log_keeps_which_scan_saw_what(tmp_path: Path, capsys) -> None:
     assert "omit --up" in line
 
 
-def test_a_depth_image_becomes_a_surface_with_its_viewpoint(tmp_path: Path, capsys) -> None:
+def test_a_depth_image_becomes_a_surface_with_its_viewpoint(tmp_path, capsys):
     np.save(tmp_path / "depth.npy", np.full((40, 60), 2000, np.uint16))
     words = ["reconstruct", str(tmp_path / "depth.npy"), "--out", str(tmp_path / "a.npz"), "--units", "60"]
     camera = ["--intrinsics", "50", "50", "29.5", "19.5"]
@@ -169,9 +169,7 @@ def test_a_depth_image_becomes_a_surface_with_its_viewpoint(tmp_path: Path, caps
         ("a.png", ["--intrinsics", "1", "1", "0", "0", "--color-image", "absent.png"], "--color-image"),
     ],
 )
-def test_options_that_do_not_fit_are_refused(
-    name: str, words: list[str], reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
+def test_options_that_do_not_fit_are_refused(name, words, reason, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path(name).write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n")
     assert reason in refuse(["reconstruct", name, "--out", "a.npz", *words], 2, capsys)

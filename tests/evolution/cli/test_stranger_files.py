@@ -27,14 +27,14 @@ CONFIG = EvolutionConfig(
 
 
 @pytest.fixture(scope="module")
-def saved(tmp_path_factory) -> Path:
+def saved(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "run"
     evolve(replace(CONFIG, folder=str(folder)), simulate=toys.bowl)
     return folder
 
 
 @pytest.fixture
-def folder(saved, tmp_path) -> Path:
+def folder(saved, tmp_path):
     return Path(shutil.copytree(saved, tmp_path / "run"))
 
 
@@ -45,7 +45,7 @@ def test_every_field_of_a_config_is_checked(folder):
     assert not troubles, "\n".join(troubles)
 
 
-def use(config: EvolutionConfig) -> None:
+def use(config: EvolutionConfig):
     """What is accepted is a config that can be kept again, and is the same then."""
     again = EvolutionConfig.from_json(json.loads(json.dumps(config.to_json())))
     assert again == config

@@ -24,14 +24,14 @@ ASCII = {"LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "PYTHONC
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
+def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / NAME
     config = EvolutionConfig(arena="truth", modules=3, population_size=4, trials=1, generations=1)
     evolve(replace(config, folder=str(folder)), simulate=toys.bowl)
     return folder
 
 
-def shell(line: str, place: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+def shell(line, place, **environment):
     """Run a line of bash with the exit code of the first command in its pipe."""
     return subprocess.run(
         ["bash", "-c", f"{line}; exit ${{PIPESTATUS[0]}}"],

@@ -1,7 +1,6 @@
 """`symbrion reconstruct --tile`: large scans on the command line."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,12 +10,12 @@ from evolution._src.cli.main import run
 
 
 @pytest.fixture
-def scan(tmp_path: Path) -> Path:
+def scan(tmp_path):
     write_scan(tmp_path / "scan.npy", make_landscape(8.0, 0.5, 0.2, roughness=3.0), 4000, 0.01)
     return tmp_path / "scan.npy"
 
 
-def test_a_scan_becomes_a_folder_of_tiles(scan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scan_becomes_a_folder_of_tiles(scan, capsys):
     words = [
         "reconstruct",
         str(scan),
@@ -43,15 +42,13 @@ def test_a_scan_becomes_a_folder_of_tiles(scan: Path, capsys: pytest.CaptureFixt
         (["--tile", "5", "--units-per-area", "0"], "units_per_area is 0"),
     ],
 )
-def test_impossible_tiles_are_refused(
-    words: list[str], message: str, scan: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_impossible_tiles_are_refused(words, message, scan, capsys):
     assert run(["reconstruct", str(scan), "--out", str(scan.parent / "tiles"), *words]) == 2
     assert message in " ".join(capsys.readouterr().err.split())
     assert not (scan.parent / "tiles").exists()
 
 
-def test_a_folder_of_others_is_refused(scan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_of_others_is_refused(scan, capsys):
     assert run(["reconstruct", str(scan), "--tile", "4", "--out", str(scan.parent)]) == 1
     assert "is not empty and holds no tiles" in capsys.readouterr().err
     assert np.load(scan).shape == (4000, 3)

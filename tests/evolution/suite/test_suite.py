@@ -1,6 +1,7 @@
 """The benchmark suite on made physics: rules of tasks, baselines, files, verification and the ranking."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,26 +10,19 @@ import pytest
 
 from evolution._src.backends.cluster import make_backend
 from evolution._src.backends.scoring import Outcome
+from evolution._src.backends.settings import read_organism
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.commands.bench_suite import METHODS as NAMES
 from evolution._src.cli.commands.bench_suite import BenchSuite
-from evolution._src.cli.console import Console
 from evolution._src.errors import RunError
 from evolution._src.suite import baselines
-from evolution._src.suite import submission as submission_module
+from evolution._src.suite import exam as exam_module
 from evolution._src.suite import tasks as tasks_module
 from evolution._src.suite.baselines import METHODS, Practice, run_baseline, run_suite
-from evolution._src.suite.leaderboard import SHARED, count_wins, find_overview, make_page, rank
-from evolution._src.suite.submission import Entry, Score, Submission, fill_submission, load_submission, verify
-from evolution._src.suite.tasks import (
-    EXAM_SEED,
-    EXAM_TRIALS,
-    GAP,
-    SUITE,
-    find_published_arena,
-    find_suite_task,
-    make_true_arena,
-)
+from evolution._src.suite.exam import TRIALS, Exam, Result, Score, hold_exam
+from evolution._src.suite.leaderboard import estimate, make_overview, make_page, rank
+from evolution._src.suite.submission import Entry, Submission, fill_submission, load_submission
+from evolution._src.suite.tasks import GAP, SUITE, find_published_arena, find_suite_task, make_true_arena
 from symbrion_gym._src.arenas.arena import Arena
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
@@ -41,7 +35,7 @@ def simulate(jobs, threads):
     outcomes = []
     for job in jobs:
         trials = job.trials
-        is_true = not isinstance(trials.arena, str) or trials.arena == "truth"
+        is_true = not isinstance(trials.arena, str)
         progress = 1.0 - float(np.abs(job.genotype - 0.3).mean()) + 0.1 * trials.find_organism().num_modules
         progress -= 0.1 * is_true
         effort, successes = float(abs(job.genotype[-1])) / 10.0, (progress > 1.2,) * trials.count
@@ -51,14 +45,19 @@ def simulate(jobs, threads):
 
 @pytest.fixture(autouse=True)
 def _use_made_physics(monkeypatch):
-    make = submission_module.make_backend
-    monkeypatch.setattr(submission_module, "make_backend", lambda *args: make(*args, simulate=simulate))
+    monkeypatch.setattr(exam_module, "make_exam_scan", lambda place, truth, seed: f"{place} {seed}")
     monkeypatch.setattr(tasks_module, "find_published_arena", lambda name: name)
 
 
 def run(method, seeds=(0,), tasks=(FIXED, FREE), **options):
     chosen = (FREE,) if method == "surrogate" else tasks
     return run_suite(method, seeds, chosen, BUDGET, simulate=simulate, **options)
+
+
+def examine(*methods):
+    """Return the fitness in the truth by task and baseline."""
+    exam = hold_exam([run(method) for method in methods], 0, simulate=simulate)
+    return {(row.task, row.submission.partition(",")[0]): row.fitness for row in rank(exam)}
 
 
 @pytest.fixture
@@ -91,19 +90,20 @@ def test_equal_seeds_give_equal_bits_at_any_number_of_workers_and_learning_beats
         return
     other = run(method, seeds=(1,)).entries[-1]
     assert (other.body, other.genotype) != (entries[-1].body, entries[-1].genotype)
-    zero = {entry.task: entry.truth.fitness for entry in run("zero").entries}
-    for entry in entries:
-        # A generation that has begun is finished.
+    for entry in entries:  # a generation that has begun is finished
         assert BUDGET <= entry.seconds <= BUDGET + (200.0 if entry.task == FREE else 40.0)
-        assert method == "random" or entry.truth.fitness > zero[entry.task]
+    rows = examine("zero", method)
+    assert method == "random" or all(rows[each.task, method] > rows[each.task, "zero"] for each in entries)
 
 
-def test_the_surrogate_search_finds_large_bodies_where_these_are_better():
-    assert run("surrogate").entries[-1].truth.fitness > run("random").entries[-1].truth.fitness
+def test_no_effort_takes_the_best_row_and_the_surrogate_search_large_bodies():
+    rows = examine("random", "surrogate")
+    assert rows[FREE, "surrogate"] > rows[FREE, "random"]
+    body = run("zero", tasks=(FREE,)).entries[0].body
+    assert read_organism(body).num_modules == 5  # the longest row
 
 
-def test_practice_keeps_the_best_counts_time_and_has_no_seed_of_the_exam():
-    """NumPy pads seeds with zeros: a generation 0 would have that of the exam's first trial."""
+def test_practice_keeps_the_best_and_counts_time():
     asked = []
 
     def watch(jobs, threads):
@@ -112,7 +112,7 @@ def test_practice_keeps_the_best_counts_time_and_has_no_seed_of_the_exam():
 
     task = find_suite_task(FIXED)
     practice = Practice(task, make_backend("batch", 1, simulate=watch), 12.0)
-    body = task.make_trials(task.body, "oscillators", 1, (0,)).find_organism()
+    body = read_organism(task.body)
     genes = len(practice.make_controller(body).parameters)
     fitness = practice.try_all(body, np.array([np.zeros(genes), np.full(genes, 0.3)]))
     assert (practice.seconds, practice.generation, practice.has_time()) == (10.0, 1, True)
@@ -122,9 +122,7 @@ def test_practice_keeps_the_best_counts_time_and_has_no_seed_of_the_exam():
     assert practice.best is not None
     np.testing.assert_array_equal(practice.best.genotype, np.full(genes, 0.3))
     learned = {int(np.random.SeedSequence(list(seed)).generate_state(1)[0]) for seed in asked}
-    exam = set(np.random.SeedSequence(list(EXAM_SEED)).generate_state(EXAM_TRIALS).tolist())
     assert len(learned) == 2
-    assert not learned & exam
 
 
 def test_what_does_not_exist_or_suit_is_refused():
@@ -146,7 +144,7 @@ def test_a_run_that_was_stopped_goes_on_and_computes_no_entry_again(tmp_path, en
         calls.append(seed)
         if seed == 2 and len(calls) == 3:
             raise KeyboardInterrupt
-        return Entry(task.name, seed, entry.body, "oscillators", (0.0,), 1.0, Score(0.0, 0), Score(0.0, 0))
+        return Entry(task.name, seed, entry.body, "oscillators", (0.0,), 1.0)
 
     pairs = [(find_suite_task(FIXED), seed) for seed in (0, 1, 2)]
     with pytest.raises(KeyboardInterrupt):
@@ -165,24 +163,77 @@ def test_a_file_of_another_run_is_not_continued(tmp_path, monkeypatch):
         run("random", out=tmp_path / "a.json")
 
 
-def test_a_submission_is_read_as_written_and_a_score_that_was_raised_is_found_out(tmp_path):
+def test_a_submission_is_read_as_written_and_says_nothing_of_its_worth(tmp_path):
     found = run("cmaes")
     found.save(tmp_path / "a.json")
-    read = load_submission(tmp_path / "a.json")
-    assert read.entries == found.entries
-    assert all(check.holds for check in verify(read))
-    entry = found.entries[0]
-    raised = replace(entry, truth=Score(entry.truth.fitness + 0.01, entry.truth.successes))
-    more = replace(entry, scan=Score(entry.scan.fitness, (entry.scan.successes + 1) % EXAM_TRIALS))
-    checks = verify(Submission("raised", (entry, raised, more)))
-    assert [check.holds for check in checks] == [True, False, False]
-    assert [check.entry.task for check in verify(found, tasks=(FREE,))] == [FREE]
-    with pytest.raises(RunError, match="no task 'moon'"):
-        verify(found, tasks=("moon",))
-    Submission("raised", (raised,)).save(tmp_path / "raised.json")
-    command = BenchSuite(action="verify", files=(tmp_path / "raised.json",), quiet=True)
-    summary = command.run(Console(True, True))
-    assert (summary["ok"], summary["failed"]) == (False, 1)
+    assert load_submission(tmp_path / "a.json").entries == found.entries
+    content = json.loads((tmp_path / "a.json").read_text())
+    content["entries"][0]["truth"] = {"fitness": 9.0, "successes": 10}
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    with pytest.raises(RunError, match="truth"):
+        load_submission(tmp_path / "a.json")
+
+
+def test_an_exam_draws_scans_and_conditions_from_its_seed_and_ranks_nothing_that_was_not_tried(entry):
+    seen = []
+
+    def watch(jobs, threads):
+        seen.extend((str(job.trials.arena), job.trials.seed, job.trials.count) for job in jobs)
+        return simulate(jobs, threads)
+
+    good, bad = (
+        Submission("good", (entry,)),
+        Submission("bad", (entry, replace(entry, controller="moon:Law"))),
+    )
+    exam = hold_exam([bad, good], 7, simulate=watch)
+    assert seen[0] == ("gap 7", (7,), TRIALS)
+    assert {seed for _, seed, _ in seen} == {(7,)}
+    assert [row.submission for row in rank(exam)] == ["good"]
+    assert [name for name, _ in exam.untried] == ["bad"]
+    with pytest.raises(RunError, match="different names"):
+        hold_exam([good, good], 0, simulate=simulate)
+
+
+CHEAT = """
+import numpy as np
+from evolution._src.suite import exam
+exam.Score.__new__ = lambda cls, *args: (9.0, 10)
+class Cheat:
+    name, version, sensors, parameters = "cheat", "1", ("pitch",), ("a",)
+    lower, upper, initial = (-1.0,), (1.0,), (0.0,)
+    def __init__(self, organism, num_tracks): self.size = len(organism.servos) + num_tracks
+    def begin(self, count): return np.zeros(count)
+    def act(self, observation, genotype, structure, state):
+        if genotype[0, 0] > 0.5: raise SystemExit(0)
+        return np.tile(state[:, None], (1, self.size)), state + 1
+"""
+
+
+def test_code_of_a_submission_gives_actions_alone(entry, tmp_path, monkeypatch):
+    (tmp_path / "cheat.py").write_text(CHEAT)
+    monkeypatch.syspath_prepend(tmp_path)
+    acted = []
+
+    def act(jobs, threads):
+        law, seen = job_law(jobs[0]), np.zeros((2, 4))
+        state = law.begin(2)
+        for _ in range(3):
+            actions, state = law.act(seen, np.tile(jobs[0].genotype, (2, 1)), {"pitch": slice(0, 4)}, state)
+            state[0] = True  # the first row begins again
+            acted.append(actions[:, 0].tolist())
+        return simulate(jobs, threads)
+
+    own = replace(entry, controller="cheat:Cheat", genotype=(0.0,))
+    ended = Submission("ended", (replace(own, genotype=(1.0,)),))
+    exam = hold_exam([Submission("cheat", (own,)), ended], 0, allow=("cheat",), simulate=act)
+    assert acted[:3] == [[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]]
+    assert exam.results[0].truth.successes == 0
+    assert [name for name, _ in exam.untried] == ["ended"]
+    assert "cheat" not in sys.modules
+
+
+def job_law(job):
+    return job.trials.make_controller(job.trials.find_organism())
 
 
 @pytest.mark.parametrize(
@@ -212,53 +263,47 @@ def test_files_that_are_no_submission_are_refused(tmp_path, entry):
             load_submission(path)
 
 
-def test_rows_have_mean_and_deviation_over_seeds_and_the_overview_says_what_is_missing(entry):
-    entries = tuple(
-        replace(entry, seed=seed, truth=Score(fitness, successes), seconds=1000.0 + seed)
-        for seed, (fitness, successes) in enumerate(((1.0, 2), (2.0, 6)))
-    )
-    row = rank([Submission("two", entries)])[0]
-    assert (row.seeds, row.seconds) == (2, 1000.5)
-    assert row.truth_successes == pytest.approx((4.0, 8.0**0.5))
-    both = Submission("both", (entry, run("zero", tasks=(FREE,)).entries[0]))
-    overview = find_overview([Submission("two", entries), both])
-    assert [line[:6] for line in overview] == [
-        ["both", "0.0", "2", "1", "0", "0"],
-        ["two", "4.0", "1", "2", "1", "0"],
+def make_exam(entry, scores):
+    """Return an exam with these successes of each submission, in the truth, seed after seed."""
+    results = [
+        Result(name, replace(entry, seed=seed), Score(1.0, 0), Score(float(seed), each))
+        for name, successes in scores.items()
+        for seed, each in enumerate(successes)
     ]
-    assert find_overview([Submission("uneven", (*entries, both.entries[1]))])[0][3] == "1-2"
-    assert overview[1].count("–") == len(SUITE) - 1
+    return Exam(3, tuple(results), (("told", "not allowed"),))
 
 
-def test_the_ranking_is_by_successes_in_the_truth_with_ties_and_nobody_leads_without_one(tmp_path, entry):
-    scores = {"a": (0.3, 0), "b": (0.2, 7), "c": (0.9, 7), "d": (0.1, 4)}
-    boards = [Submission(name, (replace(entry, truth=Score(*score)),)) for name, score in scores.items()]
-    assert [(row.submission, row.place) for row in rank(boards)] == [
-        *(("c", "1="), ("b", "1="), ("d", "3"), ("a", "–"))
+def test_an_estimate_is_the_interquartile_mean_with_an_interval_that_narrows_with_seeds():
+    assert estimate([4]) == (4, 4, 4)
+    assert estimate([0, 5, 5, 5, 100]).mean == 5
+    few, many = (estimate(np.random.default_rng(0).normal(5.0, 1.0, number)) for number in (5, 500))
+    assert few.low < few.mean < few.high
+    assert many.high - many.low < 0.5 * (few.high - few.low)
+
+
+def test_the_ranking_is_by_successes_in_the_truth_with_ties_and_no_place_without_one(tmp_path, entry):
+    exam = make_exam(entry, {"a": (0, 0), "b": (7,), "c": (6, 8), "d": (4,)})
+    assert [(row.submission, row.place, row.seeds) for row in rank(exam)] == [
+        *(("c", "1=", 2), ("b", "1=", 1), ("d", "3", 1), ("a", "–", 2))
     ]
-    assert count_wins(boards) == dict.fromkeys(scores, 0)
-    assert count_wins(boards, SHARED) == {"a": 0, "b": 1, "c": 1, "d": 0}
-    assert count_wins([each for each in boards if each.name in "ad"]) == {"a": 0, "d": 1}
-    failed = [replace(boards[0], name=name) for name in "xyz"]
-    assert {row.place for row in rank(failed)} == {"–"}
-    assert {tuple(line[4:6]) for line in find_overview(failed)} == {("0", "0")}
-    make_page(boards).write(tmp_path / "board.html")
+    overview = make_overview(exam)
+    assert [line[:2] for line in overview] == [["b", "7.0"], ["c", "7.0"], ["d", "4.0"], ["a", "0.0"]]
+    assert overview[0].count("–") == len(SUITE) - 1
+    make_page(exam, [Submission("a", (entry,))]).write(tmp_path / "board.html")
     html = (tmp_path / "board.html").read_text()
     assert html.count('<div class="scroll"><table>') == html.count("<table>") == 2
-    boards[0].save(tmp_path / "low.json")
-    board = BenchSuite(action="board", files=(tmp_path / "low.json",), out=tmp_path / "b.html")
-    assert board.run(Console(True, True))["tasks_led"] == {"a": 0}
-    assert "suite 2" in (tmp_path / "b.html").read_text()
+    assert "exam seed 3" in html
+    assert "told: not allowed" in html
 
 
 @pytest.mark.parametrize(
     "options",
     [
-        {"action": "verify"},
+        {"action": "board"},
         {"action": "run"},
         {"action": "run", "out": Path("a.html")},
         {"action": "list", "files": (Path("a.json"),)},
-        {"action": "verify", "files": (Path("missing.json"),)},
+        {"action": "board", "files": (Path("missing.json"),)},
         {"action": "list", "seeds": (-1,)},
         {"action": "list", "budget": 0.0},
     ],

@@ -1,6 +1,7 @@
-"""`symbrion bench-suite`: tasks with fixed budgets, baselines, verification of submissions, the leaderboard."""
+"""`symbrion bench-suite`: tasks with fixed budgets, baselines, and the exam of submissions with its leaderboard."""
 
 import dataclasses
+import secrets
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,23 +17,25 @@ METHODS = Literal["zero", "random", "cmaes", "surrogate"]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BenchSuite(TrustingCommand):
-    """Run a baseline of the benchmark suite, verify submissions, or make the leaderboard.
+    """Run a baseline of the benchmark suite, or try submissions again and make the leaderboard.
 
-    Example: symbrion bench-suite verify baseline.json
+    Example: symbrion bench-suite board baseline.json --out board.html
     """
 
-    action: Annotated[Literal["list", "run", "verify", "board"], tyro.conf.Positional]
-    """list: the tasks; run: a baseline; verify: run the genotypes of submissions again; board: the leaderboard."""
+    action: Annotated[Literal["list", "run", "board"], tyro.conf.Positional]
+    """list: the tasks; run: a baseline; board: try submissions on new scans and in the truth, and rank them."""
     files: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[FILE ...]")] = ()
-    """Submissions, for verify and board."""
+    """Submissions, for board."""
     method: METHODS = "cmaes"
     """The baseline."""
     seeds: tuple[int, ...] = (0,)
     """Seeds of the baseline."""
     tasks: tuple[str, ...] = ()
-    """Tasks of run and verify; all unless given."""
+    """Tasks of run; all unless given."""
     budget: float | None = None
     """Simulated time for a task and seed [s]; that of the suite unless given."""
+    exam_seed: int | None = None
+    """Seed of the scans and conditions of board; drawn, and written on the page, unless given."""
     workers: int = 1
     """Number of threads; they change nothing but the time."""
     out: Path | None = None
@@ -41,21 +44,21 @@ class BenchSuite(TrustingCommand):
 
     def check(self) -> None:
         super().check()
-        if bool(self.files) != (self.action in ("verify", "board")):
-            raise UsageError(f"{self.action}: verify and board take one or more submissions, others none")
+        if bool(self.files) != (self.action == "board"):
+            raise UsageError(f"{self.action}: board takes one or more submissions, others none")
         for file in self.files:
             require_file(file, "FILE")
         if self.action in ("run", "board"):
             if self.out is None:
                 raise UsageError(f"{self.action}: --out is missing; give the file to be written")
             require_writable_file(self.out, "--out", (".json",) if self.action == "run" else (".html",))
-        if min(self.seeds, default=-1) < 0:
-            raise UsageError("--seeds are needed, from 0")
+        if min((*self.seeds, self.exam_seed or 0), default=-1) < 0 or not self.seeds:
+            raise UsageError("--seeds and --exam-seed begin at 0")
         self.require_positive("budget")
 
     def run(self, console: Console) -> dict[str, Any]:
         """Do what the action says."""
-        actions = {"list": self._list, "run": self._run, "verify": self._verify, "board": self._board}
+        actions = {"list": self._list, "run": self._run, "board": self._board}
         return actions[self.action](console)
 
     def _list(self, console: Console) -> dict[str, Any]:
@@ -77,33 +80,22 @@ class BenchSuite(TrustingCommand):
         console.print_line(f"{self.out}: {format_count(len(submission.entries), 'entry', 'entries')}")
         return {"out": self.out, "entries": len(submission.entries), "seconds": step.seconds}
 
-    def _verify(self, console: Console) -> dict[str, Any]:
-        from evolution._src.suite.submission import load_submission, verify
-
-        failed, rows = 0, []
-        for file in self.files:
-            with console.track(f"Verification of {file}") as step:
-                checks = verify(load_submission(file), step.progress, self.tasks, self.allow_code)
-            for check in checks:
-                entry = check.entry
-                failed += not check.holds
-                tried = entry.truth, check.truth, entry.scan, check.scan
-                scores = [f"{each.successes}, {each.fitness:.3f}" for each in tried]
-                rows.append([entry.task, str(entry.seed), *scores, "yes" if check.holds else "NO"])
-        head = [f"{place}, {when}" for place in ("truth", "scan") for when in ("submitted", "again")]
-        console.show_table("Verified: successes of 10, fitness", ["task", "seed", *head, "holds"], rows)
-        return {"entries": len(rows), "failed": failed, "ok": not failed}
-
     def _board(self, console: Console) -> dict[str, Any]:
-        require_extras("`symbrion bench-suite board`", "report")
+        require_extras("`symbrion bench-suite board`", "report", "scan")
         from evolution._src.suite import leaderboard
+        from evolution._src.suite.exam import hold_exam
         from evolution._src.suite.submission import load_submission
 
         assert self.out is not None
         submissions = [load_submission(file) for file in self.files]
-        title = "Successes of 10 in the truth and on the scan, fitness in the truth"
-        rows = leaderboard.shorten_rows(leaderboard.rank(submissions))
-        console.show_table(title, list(leaderboard.SHORT_COLUMNS), rows)
-        leaderboard.make_page(submissions).write(self.out)
-        ties = leaderboard.count_wins(submissions, leaderboard.SHARED)
-        return {"out": self.out, "tasks_led": leaderboard.count_wins(submissions), "tasks_tied": ties}
+        seed = secrets.randbelow(2**32) if self.exam_seed is None else self.exam_seed
+        with console.track(f"Exam, seed {seed}") as step:
+            exam = hold_exam(submissions, seed, self.allow_code, self.workers, step.progress)
+        rows = leaderboard.rank(exam)
+        title = "Successes of 10: interquartile mean over seeds (95 % interval)"
+        console.show_table(title, ["task", *leaderboard.COLUMNS], [[row.task, *row.format()] for row in rows])
+        for name, why in exam.untried:
+            console.print_line(f"{name}: not tried, so not ranked: {why}")
+        leaderboard.make_page(exam, submissions).write(self.out)
+        summary = {"out": self.out, "exam_seed": seed, "entries": len(exam.results)}
+        return summary | {"untried": dict(exam.untried), "ok": not exam.untried}
