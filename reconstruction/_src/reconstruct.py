@@ -40,7 +40,7 @@ def reconstruct(
         method: "gsrm" (growing self-reconstruction map: any topology) or "gg" (growing grid: one sheet).
         units: number of neurons, the resolution; None: enough for the scan, 500 to 8,000 (`choose_units`), in paper
             mode 2200.
-        seed: equal seeds give equal meshes, byte for byte.
+        seed: equal seeds give equal meshes, byte for byte; on a GPU almost equal ones.
         mode: "batch" (fast) or "paper" (the literal sequential rules, slow).
         progress: called with each step and the fraction done.
         viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the points [m]: the surface looks to

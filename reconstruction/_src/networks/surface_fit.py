@@ -42,7 +42,7 @@ class FitConfig(NamedTuple):
 
 def compute_chunk(num_samples: int) -> int:
     """Return how many samples to treat at once, a divisor of their number."""
-    wanted = _CPU_CHUNK if jax.default_backend() == "cpu" else _GPU_CHUNK
+    wanted = _CPU_CHUNK if next(iter(jnp.zeros(0).devices())).platform == "cpu" else _GPU_CHUNK
     while wanted > 1 and num_samples % wanted:
         wanted //= 2
     return wanted

@@ -66,7 +66,7 @@ class WarpBatch:
         nsim: int,
         device: str | None = None,
         max_contacts: int | None = None,  # of a simulation; None for one for each geom that moves
-        is_deterministic: bool = False,  # whether contacts and sums have a fixed order on a GPU, too
+        is_deterministic: bool = False,  # whether sums have a fixed order on a GPU, too; contacts have none yet
     ) -> None:
         self.warp, self._mjw = import_warp()
         self.warp_device = find_device(device)
