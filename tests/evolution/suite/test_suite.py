@@ -193,6 +193,7 @@ def test_a_submission_is_read_as_written_and_a_score_that_was_raised_is_found_ou
         ({"seconds": 1e5}, "were spent"),
         ({"task": "moon"}, "no task 'moon'"),
         ({"task": FREE, "body": "snake8"}, "at most 5"),
+        ({"task": FREE, "body": "SBSB0000"}, "join the arm"),
     ],
 )
 def test_entries_that_break_a_rule_are_refused(entry, changes, message):

@@ -104,7 +104,7 @@ def test_motion_of_a_straight_body():
     assert ahead.sum() == pytest.approx(1.0)
     assert turn[1] > 0 > turn[0]
     assert left[1] > 0  # the head lies before the middle
-    assert find_motion(cross(1))[0].sum() == pytest.approx(0.2)  # arms look at the middle
+    assert find_motion(cross(1))[0].sum() == pytest.approx(0.6)  # two arms look to the side
 
 
 def test_a_part_of_the_simulations_may_begin_first():
