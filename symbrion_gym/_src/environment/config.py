@@ -158,25 +158,33 @@ class EnvironmentConfig:
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 
     @classmethod
-    def from_options(cls, options: Mapping[str, Any]) -> EnvironmentConfig:
+    def from_options(cls, options: Mapping[str, Any], others: Iterable[str] = ()) -> EnvironmentConfig:
         """Return the configuration of keyword arguments: fields, parameters of a named task, and `default_organism`,
-        the body that a registered id sets where neither `modules` nor `organism` is given.
+        the body that a registered id sets where neither `modules` nor `organism` is given. A message about an unknown
+        name lists others, too.
         """
         given = dict(options)
         usual_body = given.pop("default_organism", None)
         if usual_body is not None and given.get("modules") is None and given.get("organism") is None:
             given["organism"] = usual_body
-        names = [entry.name for entry in fields(cls)]
-        own = () if given.keys() <= set(names) else cls._find_parameters(given)
-        parameters = {name: given.pop(name) for name in list(given) if name in own and name not in names}
-        for name in given:
-            listed = [each for each in dict.fromkeys([*names, *own]) if not each.startswith(_INTERNAL)]
-            if name not in names and name not in own:
-                check_choice("option", name, listed, OptionError)
+        own = cls.check_names(given, others, "option", OptionError)
+        parameters = {name: given.pop(name) for name in own}
         check_organism_options(given)
         if parameters:
             given["task_parameters"] = {**given.get("task_parameters", {}), **parameters}
         return cls(**given)
+
+    @classmethod
+    def check_names(
+        cls, given: Mapping[str, Any], others: Iterable[str], what: str, error: type[Exception]
+    ) -> list[str]:
+        """Refuse unknown names, and list the possible ones after others; return those of parameters of the task."""
+        unknown = [name for name in given if name not in _NAMES]
+        own = cls._find_parameters(given) if unknown else ()
+        for name in set(unknown).difference(own):
+            listed = [*others, *(each for each in _NAMES if not each.startswith(_INTERNAL)), *own]
+            check_choice(what, name, listed, error)
+        return unknown
 
     @classmethod
     def _find_parameters(cls, given: Mapping[str, Any]) -> tuple[str, ...]:

@@ -176,7 +176,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     ) -> None:
         if render_mode not in (None, *RENDER_MODES):
             raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES)}")
-        self.config = EnvironmentConfig.from_options(options)
+        self.config = EnvironmentConfig.from_options(options, ("render_mode", "width", "height"))
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.config.dt)}
         self.render_mode, self.width, self.height = render_mode, width, height
         self.world = World(self.config, (width, height))

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from reconstruction._src.base.range_checks import check_not_negative, check_positive
+from reconstruction._src.base.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.errors import OptionError
@@ -143,8 +143,8 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         if render_mode not in (None, "rgb_array"):
             raise OptionError(f"no render mode {render_mode!r}; there is 'rgb_array', or leave it out")
         names = [field.name for field in fields(SwarmOptions)]
-        for unknown in sorted(set(options) - set(names)):
-            raise OptionError(f"no option {unknown!r}; there are: {', '.join(names)}")
+        for name in options:
+            check_choice("option", name, names, OptionError)
         self.options, self.render_mode = SwarmOptions(**options), render_mode
         count, source = int(self.options.num_robots), self.options.arena
         self.arena = source if isinstance(source, Arena) else load_arena(source)

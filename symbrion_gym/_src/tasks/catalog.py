@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.tasks.explore import SeeGround, StandUp
 from symbrion_gym._src.tasks.goals import BeyondGap, FarEnd, OnTop, PassFinish
@@ -178,8 +179,7 @@ TASKS: dict[str, Callable[..., Task]] = {
 
 def find_parameters(name: str) -> tuple[str, ...]:
     """Return the names of the parameters of a task."""
-    if name not in TASKS:
-        raise TaskError(f"no task {name!r}; there are: {', '.join(TASKS)}")
+    check_choice("task", name, tuple(TASKS), TaskError)
     own = [each for each in inspect.signature(TASKS[name]).parameters if each != "terms"]
     return (*own, *(each.name for each in fields(UsualTerms)))
 
@@ -193,8 +193,7 @@ def make_task(name: str, **parameters: Any) -> Task:
     """
     known = find_parameters(name)
     for each in parameters:
-        if each not in known:
-            raise OptionError(f"task {name!r} has no parameter {each!r}; there are: {', '.join(known)}")
+        check_choice(f"task {name!r}", each, known, OptionError)
     return TASKS[name](**parameters)
 
 

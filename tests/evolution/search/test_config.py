@@ -214,6 +214,11 @@ def test_configs_survive_json_and_workers_change_no_digest():
     ("changes", "message"),
     [
         ({"population_size": 2}, "population_size"),
+        (
+            {"popsize": 4},
+            "EvolutionConfig: there is no 'popsize'; there are: population_size, modules, .*generations, .*pit",
+        ),
+        ({"environment": {"pitt": 0.4}}, "no 'pitt'; there are: pit, "),
         ({"workers": 0}, "workers"),
         ({"modules": 1}, "a body of 1 module has no hinge"),
         ({"sigma": 0.0}, "sigma"),

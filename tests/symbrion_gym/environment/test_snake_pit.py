@@ -221,7 +221,7 @@ def test_reset_options_are_drawn_from_ranges_and_reported():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"fricton": 0.5}, "no reset option 'fricton'"),
+        ({"fricton": 0.5}, "there is no 'fricton'; there are: friction"),
         ({"friction": -1.0}, "friction must be"),
         ({"friction": (0.9, 0.5)}, "upside down"),
         ({"friction": "slippery"}, "friction must be"),

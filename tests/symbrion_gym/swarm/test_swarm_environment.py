@@ -76,7 +76,7 @@ def test_images_show_the_robots_where_they_are() -> None:
         ({"num_robots": 2.5}, "num_robots must be a whole number"),
         ({"duration": -1.0}, "duration"),
         ({"noise": "much"}, "noise must be a number"),
-        ({"robots": 3}, "no option 'robots'; there are: arena, num_robots"),
+        ({"robots": 3}, "there is no 'robots'; there are: num_robots, arena"),
         ({"render_mode": "human"}, "no render mode 'human'; there is 'rgb_array'"),
         ({"fidelity": "exact"}, "no fidelity 'exact'; there are: kinematic, dynamic"),
     ],

@@ -91,7 +91,7 @@ def test_wrong_tasks_are_refused(make, message):
 def test_options_of_a_task_go_to_the_task():
     env = OrganismEnv(task="climb", arena="stairs", modules=2, obstacle="step", duration=5.0, stuck_time=2.0)
     assert env.world.task == make_task("climb", obstacle="step", duration=5.0, stuck_time=2.0)
-    with pytest.raises(OptionError, match="'climb' has no parameter 'bottomless'"):
+    with pytest.raises(OptionError, match="task 'climb': there is no 'bottomless'"):
         OrganismEnv(task="climb", arena="stairs", bottomless=True)
     with pytest.raises(OptionError, match="option"):
         OrganismEnv(task="climb", arena="stairs", share=0.5)
