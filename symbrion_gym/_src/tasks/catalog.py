@@ -45,7 +45,7 @@ class UsualTerms:
     forward_weight: float = 1.0
     success_bonus: float = 1.0  # reward of a success
     effort_weight: float = 0.002  # cost per joule of the hinges' work
-    failure_cost: float = 1.0  # cost of a failure, which keeps none of the progress either
+    failure_cost: float = 1.0  # cost of a failure; what ends without success keeps none of the progress
 
     def make_task(self, name: str, start: Start, goal: Goal, **others: Termination) -> Task:
         """Return a task with these terms, and other terminations."""

@@ -235,14 +235,14 @@ def gain_progress(state: TaskState) -> Float[Any, " N"]:
 
 
 def gain_potential(state: TaskState) -> Float[Any, " N"]:
-    """Return the change of a potential that is the progress, and that of the start once the task has failed.
+    """Return the change of a potential that is the progress, and that of the start where it ended without success.
 
-    So the terms of a failed episode add up to nothing, and a fall gains nothing (Ng, Harada and Russell 1999, with
-    no discount and the potential of the start in every failed state).
+    So the terms of an episode without success add up to nothing, whether it failed, was stuck or took too long (Ng,
+    Harada and Russell 1999, with no discount and the potential of the start in every such last state).
     """
-    now = state.progress
-    if state.may_hold(state.failed):
-        now = state.xp.where(state.failed, state.start_progress, now)
+    now, is_lost = state.progress, state.ended & ~state.success
+    if state.may_hold(is_lost):
+        now = state.xp.where(is_lost, state.start_progress, now)
     return now - state.previous_progress
 
 

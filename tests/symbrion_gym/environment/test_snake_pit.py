@@ -321,7 +321,7 @@ def test_info_holds_its_numbers_and_flags_in_their_order():
     env = OrganismEnv(modules=2)
     _, first = env.reset(seed=0)
     *_, info = env.step(np.zeros(1))
-    assert tuple(info) == NUMBERS + FLAGS
+    assert tuple(info) == (*NUMBERS, *FLAGS, "reason")
     assert tuple(first)[: len(info)] == tuple(info)
 
 
