@@ -210,6 +210,8 @@ class Episodes:
             self._own["odometry"][:, 0] = self.state.along[:, 0] - self._start_head
         if self._has_goal:
             self._own["goal"][...] = find_goal(self.state)
+        for sensor in self.observer.sensors:
+            self._own[sensor.name][...] = sensor.read(self.state)
         if self._integrates and self._has_driven.any():
             self._integrate(physics)
         return self.observer.read(physics)

@@ -19,6 +19,7 @@ VECTOR = {"vectorization_mode": "vector_entry_point"}
         ("timeout", 0.0, {"duration": 0.5}),
         ("stuck", 0.0, {"stuck_time": 0.3, "track_speed": 0.0}),
         ("rolled_over", -1.0, {"start": "pit"}),
+        ("touched_pit", -0.1, {"start": "pit", "modules": 5, "bottomless": True}),
         ("success", 0.0, {"pit": 0.0, "start": (0.0, 0.0), "goal": (0.2, 0.0)}),
         ("stuck", 1.0, {**ENVIRONMENTS["symbrion_gym/Recover-hard-v0"], "stuck_time": 2.0}),
     ],
@@ -37,7 +38,8 @@ def test_only_a_success_has_a_return_above_nothing(reason, action, options):
         assert infos["reason"].tolist() == [info["reason"]] * 2
         assert (info["reason"] != "") == is_over
     assert info["reason"] == reason
-    assert (total > 0.0) == (reason == "success") == terminated or reason == "rolled_over"
+    assert (total > 0.0) == (reason == "success")
+    assert total == pytest.approx(-1.0, abs=0.01) or not terminated or total > 0.0
 
 
 def test_a_limit_of_the_vector_environment_is_a_timeout_and_keeps_no_progress():

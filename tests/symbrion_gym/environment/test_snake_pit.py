@@ -158,16 +158,6 @@ def test_a_body_that_did_not_drive_all_of_the_way_has_not_succeeded(modules, x, 
     assert not any(env.step(np.zeros(modules - 1))[4]["success"] for _ in range(ticks))
 
 
-def test_abyss_ends_when_the_floor_of_the_pit_is_touched():
-    env = OrganismEnv(modules=5, start="pit", bottomless=True)
-    env.reset(seed=0)
-    while True:
-        *_, terminated, truncated, info = env.step(np.full(4, -0.1))
-        if terminated or truncated:
-            break
-    assert info["touched_pit"]
-
-
 @pytest.mark.parametrize("control", ["body", "modules"])
 def test_track_speeds_can_be_part_of_the_action(control):
     env = OrganismEnv(modules=3, track_control=control)

@@ -64,7 +64,6 @@ class DeviceTick:
             tick=state.tick,
             was_ahead=state.was_ahead,
             held=held,
-            memory=state.memory,
             numbers=jnp.stack([*numbers, state.lowest, state.least_up], axis=1),
             flags=flags,
         )
@@ -86,6 +85,9 @@ class DeviceTick:
         }
         if "goal" in self._observer.structure:
             own["goal"] = find_goal(state)
+        seen: Any = state
+        own |= {each.name: each.read(seen) for each in self._observer.sensors}
+        episode = episode._replace(memory=state.memory)
         if self._reckoning is not None:
             believed = self._reckoning.move(episode.believed, rotation, speed * self._dt, jnp)
             headed, own["goal_direction"] = self._reckoning.pass_places(believed, episode.headed, jnp)
