@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from evolution._src.controllers.controller import make_law
+from evolution._src.controllers.laws import REACTIVE_GENES
 from symbrion_gym._src.robot.body_plans import make_random_organism
 from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
 
@@ -43,3 +45,20 @@ def make_observations(organism: Organism, count: int, seed: int) -> np.ndarray:
     contact = observation[:, structure["contact"]]
     observation[:, structure["contact"]] = np.where(rng.random(contact.shape) < 0.35, 0.0, np.abs(contact))
     return observation
+
+
+def make_reactive(**genes: float) -> np.ndarray:
+    return np.array([[genes.get(name, 0.0) for name in REACTIVE_GENES]])
+
+
+def act(law: str, organism: Organism, genotype, ticks: int = 1, **sensed) -> np.ndarray:
+    """Return hinge targets [rad] after equal observations."""
+    controller = make_law(law, organism)
+    structure, size = make_structure(organism)
+    observation = np.zeros((1, size))
+    for name, values in sensed.items():
+        observation[0, structure[name]] = values
+    state, action = controller.begin(1), np.zeros((1, 0))
+    for _ in range(ticks):
+        action, state = controller.act(observation, np.atleast_2d(genotype), structure, state)
+    return action[0] * organism.scout.hinge_range

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from bodies import TREES, make_observations, make_structure
+from bodies import TREES, act, make_observations, make_reactive, make_structure
 
 from evolution._src.controllers.controller import CONTROLLERS, make_law
-from evolution._src.controllers.laws import REACTIVE_GENES
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
 from symbrion_gym._src.environment.config import SENSORS
@@ -51,23 +50,6 @@ def test_a_population_on_any_tree_acts_as_each_alone(law):
                 assert np.array_equal(action[0], actions[row])
 
 
-def make_reactive(**genes: float) -> np.ndarray:
-    return np.array([[genes.get(name, 0.0) for name in REACTIVE_GENES]])
-
-
-def act(law: str, organism: Organism, genotype, ticks: int = 1, **sensed) -> np.ndarray:
-    """Return hinge targets [rad] after equal observations."""
-    controller = make_law(law, organism)
-    structure, size = make_structure(organism)
-    observation = np.zeros((1, size))
-    for name, values in sensed.items():
-        observation[0, structure[name]] = values
-    state, action = controller.begin(1), np.zeros((1, 0))
-    for _ in range(ticks):
-        action, state = controller.act(observation, np.atleast_2d(genotype), structure, state)
-    return action[0] * organism.scout.hinge_range
-
-
 def test_reactive_follows_rolls_where_modules_are_docked_sideways():
     pitch, roll = [0.1, 0.2, 0.3, 0.4, 0.5], [0.0, 0.6, 0.0, 0.0, 0.0]
     ahead = act("reactive", cross(1), make_reactive(pitch_ahead=1.0), pitch=pitch, roll=roll)
@@ -97,6 +79,13 @@ def test_hinges_at_the_same_distance_from_the_head_have_the_same_place():
     weights[0, [6, 32]] = 1.0  # the place of a hinge to the first hidden unit, and this to the output
     target = act("network", letter_h(3), weights)
     assert target == pytest.approx(np.tanh([-1, 0, -1, -1, 1, 1]))
+
+
+def test_no_law_of_a_snake_reads_what_a_robot_cannot_sense():
+    for law in CONTROLLERS:
+        assert set(make_law(law, snake(6)).sensors) <= {"hinge_angle", "pitch", "contact", "track_odometry"}
+    with pytest.raises(RunError, match="there are: path, reactive, posture"):
+        make_law("psychic", snake(6))
 
 
 def test_bodies_without_anything_to_control_are_refused():
