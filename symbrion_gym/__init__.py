@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.audit import audit
     from symbrion_gym._src.tasks.catalog import make_task
     from symbrion_gym._src.tasks.task import Task, read_task
-    from symbrion_gym._src.tasks.terms import Reward, Termination
+    from symbrion_gym._src.tasks.terms import Reward, Sensor, Termination
     from symbrion_gym._src.traversability.footprint import Footprint
 
 register()
@@ -55,6 +55,7 @@ __all__ = [
     "RangeFinder",
     "Reward",
     "ScoutConfig",
+    "Sensor",
     "SlipNoise",
     "StairsCourse",
     "SurveyRobot",

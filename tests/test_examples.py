@@ -38,6 +38,14 @@ def test_a_task_of_ones_own_takes_few_lines_and_is_solved() -> None:
     assert sum(info["reward_rise"] for *_, info in own.results) > 0.1
 
 
+def test_a_sensor_of_ones_own_takes_15_lines_in_single_and_vector_environments() -> None:
+    assert len((EXAMPLES / "own_sensor.py").read_text().splitlines()) <= 15
+    own = load("own_sensor")
+    assert own.observations[:, own.part] == pytest.approx(np.full((2, 4), 0.0545))
+    heights = own.env.step(np.zeros(4))[0][own.part]
+    assert heights.tolist() == own.envs.step(np.zeros((2, 4)))[0][0, own.part].tolist()
+
+
 def test_the_own_controller_is_evaluated_and_short() -> None:
     wave = load("own_controller").Wave
     evaluation = ev.evaluate(np.zeros((2, 3)), modules=4, controller=wave, trials=1, duration=1.0)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
 
 from symbrion_gym._src.robot.scout_constants import DEFAULT_SENSORS
 
@@ -68,6 +70,64 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     f"symbrion_gym/{name}": options for name, (options, _) in _SPECS.items()
 }
 """Id -> options that differ from those of `OrganismEnv`."""
+
+
+_HARMLESS = {
+    *(
+        "sensors",
+        "noise",
+        "sensor_noise",
+        "recorders",
+        "timers",
+        "progress",
+        "render_mode",
+        "width",
+        "height",
+    ),
+    *(
+        "num_envs",
+        "num_threads",
+        "vectorization_mode",
+        "autoreset_mode",
+        "backend",
+        "array",
+        "device",
+        "num_starts",
+    ),
+    *("max_contacts", "is_deterministic", "stretches"),
+}
+"""Options that leave the task of an id as it is."""
+
+
+class KnowsLimits:
+    """An environment whose `spec` says how long its episodes are, and from which return on its id is solved.
+
+    A task of the user's own has neither, and an id with other options no such return.
+    """
+
+    config: Any  # its options
+    world: Any  # its arena, body and task
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """What `gymnasium.make` made it of; None where it was made directly."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None:
+            spec = copy(spec)
+            usual = ENVIRONMENTS.get(spec.id, {})
+            options = {**usual, **spec.kwargs}
+            changed = [name for name, value in options.items() if repr(value) != repr(usual.get(name))]
+            if not _HARMLESS.issuperset(changed):
+                spec.reward_threshold = None
+            duration = round(self.world.task.duration / self.config.dt)
+            spec.max_episode_steps = (
+                None if "task" in changed else spec.kwargs.get("max_episode_steps", duration)
+            )
+        self._spec = spec
 
 
 def register() -> None:

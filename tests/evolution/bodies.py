@@ -2,31 +2,17 @@
 
 import numpy as np
 
-from symbrion_gym._src.errors import OrganismError
-from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
-
-
-def make_random_tree(num_modules: int, seed: int) -> Organism:
-    """Return modules docked at random, by any docks, without overlap."""
-    rng = np.random.default_rng(seed)
-    sides = ("front", "back", "left", "right")
-    organism = Organism(1)
-    while organism.num_modules < num_modules:
-        new, other = organism.num_modules, int(rng.integers(organism.num_modules))
-        first, second = rng.choice(sides, 2)
-        try:
-            organism = Organism(new + 1, (*organism.dockings, Docking(new, str(first), other, str(second))))
-        except OrganismError:
-            continue
-    return organism
-
+from evolution._src.controllers.controller import make_law
+from evolution._src.controllers.laws import REACTIVE_GENES
+from symbrion_gym._src.robot.body_plans import make_random_organism
+from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
 
 TREES = {
     "cross": cross(1),
     "h": letter_h(),
-    "tree_5": make_random_tree(5, 1),
-    "tree_7": make_random_tree(7, 2),
-    "tree_9": make_random_tree(9, 3),
+    "tree_5": make_random_organism(5, np.random.default_rng(1)),
+    "tree_7": make_random_organism(7, np.random.default_rng(2)),
+    "tree_9": make_random_organism(9, np.random.default_rng(3)),
     "snake_2": snake(2),
     "snake_8": snake(8),
 }
@@ -59,3 +45,20 @@ def make_observations(organism: Organism, count: int, seed: int) -> np.ndarray:
     contact = observation[:, structure["contact"]]
     observation[:, structure["contact"]] = np.where(rng.random(contact.shape) < 0.35, 0.0, np.abs(contact))
     return observation
+
+
+def make_reactive(**genes: float) -> np.ndarray:
+    return np.array([[genes.get(name, 0.0) for name in REACTIVE_GENES]])
+
+
+def act(law: str, organism: Organism, genotype, ticks: int = 1, **sensed) -> np.ndarray:
+    """Return hinge targets [rad] after equal observations."""
+    controller = make_law(law, organism)
+    structure, size = make_structure(organism)
+    observation = np.zeros((1, size))
+    for name, values in sensed.items():
+        observation[0, structure[name]] = values
+    state, action = controller.begin(1), np.zeros((1, 0))
+    for _ in range(ticks):
+        action, state = controller.act(observation, np.atleast_2d(genotype), structure, state)
+    return action[0] * organism.scout.hinge_range

@@ -129,6 +129,6 @@ def test_the_command_line_finds_a_module_in_the_working_folder(tmp_path, monkeyp
     monkeypatch.setattr(sys, "path", list(sys.path))
     words = "evolve --arena truth --modules 4 --controller nearby_controller:Wave --generations 1 --trials 1 --quiet"
     with pytest.raises(SystemExit) as end:
-        main([*words.split(), "--population", "4", "--folder", str(tmp_path / "run")])
+        main([*words.split(), "--population-size", "4", "--folder", str(tmp_path / "run")])
     assert end.value.code == 0
     assert ev.load_champion(tmp_path / "run").controller.source == "nearby_controller:Wave"

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import lru_cache
 from os import PathLike
 from types import FunctionType
-from typing import Any, Self, get_type_hints
+from typing import Any, ClassVar, Self, get_type_hints
 
 import numpy as np
 
@@ -89,6 +89,8 @@ class EpisodeConfig(metaclass=_TakesOptions):
             then a sigma of 0.15 fits better).
     """
 
+    OTHERS: ClassVar[tuple[str, ...]] = ()  # Names that messages list although they are no fields
+
     arena: Any = "gsrm"
     task: Any = None
     start: str | Point | None = None
@@ -99,7 +101,7 @@ class EpisodeConfig(metaclass=_TakesOptions):
 
     def __post_init__(self) -> None:
         self._set("task", _check_task(self.task))
-        self._set("environment", _sort_options(self.environment, self.task))
+        self._set("environment", self._sort_options())
         if isinstance(self.start, str):
             check_choice("start", self.start, STARTS, RunError)
         elif self.start is not None:
@@ -107,6 +109,31 @@ class EpisodeConfig(metaclass=_TakesOptions):
         if self.goal is not None:
             self._check_goal(self.goal)
         check_choice("origin", self.origin, ORIGINS, RunError)
+
+    def _sort_options(self) -> Options:
+        """Return options of the environment as sorted pairs, lists in them as tuples."""
+        given = self.environment
+        pairs = given.items() if isinstance(given, Mapping) else given
+        found = tuple(sorted((str(name), _freeze(value)) for name, value in pairs))
+        for name, value in found:
+            if name in _OWN_FIELDS:
+                raise RunError(
+                    f"environment.{name} is {value!r}, which would be overwritten; give {name} itself"
+                )
+            try:
+                hash(value)
+            except TypeError:
+                raise RunError(
+                    f"environment.{name} is {value!r}; a number, text or list of these is needed"
+                ) from None
+        options = dict(found) | {"task": None if isinstance(self.task, Stored) else self.task}
+        names = [each.name for each in fields(self)]
+        try:
+            EnvironmentConfig.check_names(options, (*names, *self.OTHERS), type(self).__name__, RunError)
+            EnvironmentConfig.from_options(options)
+        except (TypeError, ValueError) as error:
+            raise RunError(f"environment: {error}") from error
+        return found
 
     def _check_goal(self, goal: str | Point) -> None:
         if not isinstance(goal, str):
@@ -391,26 +418,6 @@ def _as_point(name: str, values: Any) -> Point:
     if len(point) not in (2, 3):
         raise RunError(f"{name} is {values!r}; (x, y) or (x, y, z) in meters is needed")
     return point
-
-
-def _sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: Any) -> Options:
-    """Return options as sorted pairs, lists in them as tuples."""
-    pairs = options.items() if isinstance(options, Mapping) else options
-    found = tuple(sorted((str(name), _freeze(value)) for name, value in pairs))
-    for name, value in found:
-        if name in _OWN_FIELDS:
-            raise RunError(f"environment.{name} is {value!r}, which would be overwritten; give {name} itself")
-        try:
-            hash(value)
-        except TypeError:
-            raise RunError(
-                f"environment.{name} is {value!r}; a number, text or list of these is needed"
-            ) from None
-    try:
-        EnvironmentConfig.from_options(dict(found) | {"task": None if isinstance(task, Stored) else task})
-    except (TypeError, ValueError) as error:
-        raise RunError(f"environment: {error}") from error
-    return found
 
 
 def _freeze(value: Any) -> Any:

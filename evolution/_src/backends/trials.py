@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -36,6 +36,14 @@ _MAX_ERROR_LENGTH = 200  # Characters of an error that a record keeps
 @dataclass(frozen=True, kw_only=True)
 class Trials(TrialConfig, BodyConfig):
     """The trials of a genotype: an episode, a body, and how often it is tried."""
+
+    OTHERS: ClassVar[tuple[str, ...]] = (
+        "trials",
+        "scoring",
+        "backend",
+        "workers",
+        "address",
+    )  # Of an `Evaluator`
 
     arena: ArenaSource = "truth"  # name, folder, file or, on backend "batch", an `Arena`
     controller: Any = "reactive"

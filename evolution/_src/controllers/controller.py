@@ -25,7 +25,7 @@ from evolution._src.controllers.laws import (
 from evolution._src.controllers.oscillators import OscillatorController
 from evolution._src.controllers.protocol import Structure
 from evolution._src.errors import RunError
-from reconstruction._src.base.range_checks import check_choice, format_count
+from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 if TYPE_CHECKING:
@@ -121,8 +121,7 @@ def make_law(name: str, organism: Organism, num_tracks: int = 0) -> OwnControlle
     check_choice("controller", name, CONTROLLERS, RunError)
     if not organism.hinges and not num_tracks:
         raise RunError(
-            f"a body of {format_count(organism.num_modules, 'module')} without a hinge has nothing to control; "
-            "dock modules by their fronts, or make tracks part of the action: track_control='skid'"
+            "a module alone has nothing to control; make its tracks part of the action: track_control='skid'"
         )
     body = find_joints(organism), make_drive(organism, num_tracks, GENE_BOUND), organism.scout.hinge_range
     if name == "oscillators":

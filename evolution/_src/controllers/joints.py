@@ -58,8 +58,6 @@ class Joints:
     depth: Int[np.ndarray, " h"]  # number of dockings from the head to the farther of its modules
     # cosine of the angle between its own module and the head, in the straight body
     along: Float[np.ndarray, " h"]
-    # share of the bend between two modules that the hinge takes: a half where both fronts are docked
-    share: Float[np.ndarray, " h"]
     # 1 where its own module lies to the left of the head's middle line, -1 to the right, 0 on it
     side: Float[np.ndarray, " h"]
     dock: tuple[str, ...]  # side of `ahead` that its own module is docked to
@@ -80,13 +78,9 @@ def find_joints(organism: Organism) -> Joints:
     """Return how the hinges of an organism lie in its tree."""
     count, parents, order = organism.num_modules, organism.parents, organism.order[1:]
     poses, pitch = organism.compute_poses(), organism.scout.pitch
-    fronts: dict[int, tuple[int, str]] = {}
-    num_dockings = np.zeros(count, dtype=np.int64)
-    for docking in organism.dockings:
-        for (module, side), other in (docking.ends, docking.ends[::-1]):
-            num_dockings[module] += 1
-            if side == "front":
-                fronts[module] = other
+    joined = [pair for docking in organism.dockings for pair in (docking.ends, docking.ends[::-1])]
+    fronts = {module: other for (module, side), other in joined if side == "front"}
+    num_dockings = np.bincount(np.array([module for (module, _), _ in joined], dtype=int), minlength=count)
     own = np.array(organism.hinges, dtype=np.int64)
     ahead = np.array([fronts[module][0] for module in organism.hinges], dtype=np.int64)
     headings = np.array([pose.heading for pose in poses])
@@ -99,7 +93,6 @@ def find_joints(organism: Organism) -> Joints:
     for module in order[::-1]:
         beyond[parents[module]] |= beyond[module]
     is_nearer = np.array(parents, dtype=np.int64)[ahead] == own
-    is_shared = [fronts.get(int(j), (-1, ""))[0] == i for i, j in zip(own, ahead, strict=True)]
     steps = [0.0 if j < 0 else (poses[j].x - poses[i].x) / pitch for i, j in enumerate(parents)]
     return Joints(
         num_modules=count,
@@ -114,7 +107,6 @@ def find_joints(organism: Organism) -> Joints:
         is_tail=is_end[own] | is_end[ahead],
         depth=np.maximum(depths[own], depths[ahead]),
         along=_snap(np.cos(headings[own])) + 0.0,  # without -0
-        share=np.where(is_shared, 0.5, 1.0),
         side=np.sign(_snap(np.array([poses[i].y / pitch for i in own], dtype=float))) + 0.0,
         dock=tuple(fronts[module][1] for module in organism.hinges),
         parents=parents,

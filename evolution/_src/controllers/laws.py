@@ -67,7 +67,7 @@ def path(
         parent = joints.parents[module]
         behind[module] = behind[parent] + joints.steps[module] * (half[parent] + half[module])
     slopes = _interpolate(genotype, sensed["track_odometry"] - xp.stack(behind).T, knots)
-    return (slopes[:, joints.ahead] - slopes[:, joints.own]) * (joints.along * joints.share)
+    return (slopes[:, joints.ahead] - slopes[:, joints.own]) * joints.along
 
 
 def posture(sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints) -> Float[Any, "P H"]:

@@ -38,7 +38,6 @@ from evolution._src.controllers.joints import (
     find_namespace,
 )
 from evolution._src.controllers.protocol import Structure
-from symbrion_gym._src.robot.scout_constants import SIDES
 
 FREQUENCY = 0.25
 """Frequency at a gene of 0 [Hz]; genes change it by factors of 0.35 to 2.8. At 0.25 Hz a servo of 0.8 rad/s follows
@@ -55,12 +54,7 @@ KIND_GENES = ("amplitude", "offset", "lag")  # Genes of each kind of docking [ra
 TWIST_GENES = ("twist_amplitude", "twist_offset", "twist_lag")
 """Likewise of the rotations of arms, where modules have them [rad]."""
 _ANGLES = ("lag_", "twist_lag_")  # Beginnings of the names of genes that are phases, which go all around
-_HINTS = {
-    "front": (0.3, 0.0, 0.0),
-    "back": (0.3, 0.0, 1.0),
-    "left": (0.3, 0.0, 0.0),
-    "right": (0.3, 0.0, pi / 2),
-}
+_HINTS = {"back": (0.3, 0.0, 1.0), "left": (0.3, 0.0, 0.0), "right": (0.3, 0.0, pi / 2)}
 """Genes of each kind of docking at which a search with a hint begins: a wave along the spine, legs in turn."""
 
 
@@ -91,7 +85,7 @@ class OscillatorController:
         genes = drive.genes | dict.fromkeys(COMMON_GENES, 0.0)
         genes |= dict(zip(SIDE_GENES, (0.0, 1.0), strict=True)) if self.can_steer else {}
         twists = TWIST_GENES if joints.num_twists else ()
-        for kind in (side for side in SIDES if side in joints.dock):
+        for kind in (side for side in _HINTS if side in joints.dock):
             genes |= {f"{gene}_{kind}": value for gene, value in zip(KIND_GENES, _HINTS[kind], strict=True)}
             genes |= {f"{gene}_{kind}": 0.0 for gene in twists}
         self.parameters, self.initial = tuple(genes), tuple(genes.values())
@@ -176,24 +170,8 @@ class OscillatorController:
 
 
 def _find_parents(joints: Joints) -> Int[np.ndarray, " h"]:
-    """Return for each hinge the next one on the way to the head, itself where there is none.
-
-    Of two hinges in one docking, the one that belongs to the module nearer to the head comes first.
-    """
-    hinges: dict[int, list[int]] = {}
-    pairs = [(int(own), int(ahead)) for own, ahead in zip(joints.own, joints.ahead, strict=True)]
+    """Return for each hinge the next one on the way to the head, itself where there is none; each docking has one."""
+    pairs = zip(joints.own.tolist(), joints.ahead.tolist(), strict=True)
     fars = [own if joints.parents[own] == ahead else ahead for own, ahead in pairs]
-    for hinge, far in enumerate(fars):
-        hinges.setdefault(far, []).append(hinge)
-    parents = np.arange(len(pairs))
-    for hinge, far in enumerate(fars):
-        together = sorted(hinges[far], key=lambda each: pairs[each][0] == far)
-        if together.index(hinge):
-            parents[hinge] = together[0]
-            continue
-        module = joints.parents[far]
-        while module > 0 and module not in hinges:
-            module = joints.parents[module]
-        if module in hinges:
-            parents[hinge] = sorted(hinges[module], key=lambda each: pairs[each][0] == module)[-1]
-    return parents
+    hinges = {far: hinge for hinge, far in enumerate(fars)}
+    return np.array([hinges.get(joints.parents[far], hinge) for hinge, far in enumerate(fars)], dtype=int)

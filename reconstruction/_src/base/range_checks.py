@@ -1,6 +1,7 @@
 """Refuse numbers of configurations that are out of range, with the error of the caller's package and one wording."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from math import inf
 from numbers import Integral, Real
 from typing import Any
@@ -65,9 +66,10 @@ def as_range(
 
 
 def check_choice(name: str, value: object, choices: Sequence[str], error: type[Exception]) -> None:
-    """Refuse a value that is not among the choices of a field."""
+    """Refuse a value that is not among the choices of a field; the message lists those that are like it first."""
     if value not in choices:
-        raise error(f"{name}: there is no {value!r}; there are: {', '.join(choices)}")
+        listed = dict.fromkeys([*get_close_matches(str(value), choices), *choices])
+        raise error(f"{name}: there is no {value!r}; there are: {', '.join(listed)}")
 
 
 def check_count(name: str, values: Sequence[object], high: int, error: type[Exception]) -> None:

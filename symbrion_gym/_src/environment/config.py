@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.recorders import Recorder
     from symbrion_gym._src.tasks.route import Point, StartName
     from symbrion_gym._src.tasks.task import Task
+    from symbrion_gym._src.tasks.terms import Sensor
 
 SCOUT_OPTIONS = ("hinge_torque", "track_speed", "tracks", "friction")
 """Options that are constants of the modules too."""
@@ -98,7 +99,7 @@ class EnvironmentConfig:
     friction: float | None = None
     track_speed: float = 0.10  # estimates range from 0.06 to 0.15
     hinge_torque: float = 4.5  # estimates range from 4 to 5
-    sensors: tuple[str, ...] = DEFAULT_SENSORS
+    sensors: tuple[str | Sensor, ...] = DEFAULT_SENSORS
     noise: float = 0.0
     track_control: str = "constant"
     tracks: str = "spheres"
@@ -142,9 +143,9 @@ class EnvironmentConfig:
             check_choice("start", self.start, STARTS, OptionError)
         if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
             raise OptionError(f"sensors must be a sequence of names, got {self.sensors!r}")
-        for name in self.sensors:
-            check_choice("sensors", name, SENSORS, OptionError)
-        object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
+        object.__setattr__(self, "sensors", tuple(dict.fromkeys(map(_read_sensor, self.sensors))))
+        if len(set(self.sensor_names)) < len(self.sensors):
+            raise OptionError(f"two sensors have one name in {self.sensor_names}")
         if self.recorders:
             from symbrion_gym._src.tasks.recorders import check_recorders
 
@@ -157,26 +158,39 @@ class EnvironmentConfig:
         for name in self.randomize:
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """Names of the parts of an observation, in their order."""
+        return tuple(each if isinstance(each, str) else each.name for each in self.sensors)
+
     @classmethod
-    def from_options(cls, options: Mapping[str, Any]) -> EnvironmentConfig:
+    def from_options(cls, options: Mapping[str, Any], others: Iterable[str] = ()) -> EnvironmentConfig:
         """Return the configuration of keyword arguments: fields, parameters of a named task, and `default_organism`,
-        the body that a registered id sets where neither `modules` nor `organism` is given.
+        the body that a registered id sets where neither `modules` nor `organism` is given. A message about an unknown
+        name lists others, too.
         """
         given = dict(options)
         usual_body = given.pop("default_organism", None)
         if usual_body is not None and given.get("modules") is None and given.get("organism") is None:
             given["organism"] = usual_body
-        names = [entry.name for entry in fields(cls)]
-        own = () if given.keys() <= set(names) else cls._find_parameters(given)
-        parameters = {name: given.pop(name) for name in list(given) if name in own and name not in names}
-        for name in given:
-            listed = [each for each in dict.fromkeys([*names, *own]) if not each.startswith(_INTERNAL)]
-            if name not in names and name not in own:
-                check_choice("option", name, listed, OptionError)
+        own = cls.check_names(given, others, "option", OptionError)
+        parameters = {name: given.pop(name) for name in own}
         check_organism_options(given)
         if parameters:
             given["task_parameters"] = {**given.get("task_parameters", {}), **parameters}
         return cls(**given)
+
+    @classmethod
+    def check_names(
+        cls, given: Mapping[str, Any], others: Iterable[str], what: str, error: type[Exception]
+    ) -> list[str]:
+        """Refuse unknown names, and list the possible ones after others; return those of parameters of the task."""
+        unknown = [name for name in given if name not in _NAMES]
+        own = cls._find_parameters(given) if unknown else ()
+        for name in set(unknown).difference(own):
+            listed = [*others, *(each for each in _NAMES if not each.startswith(_INTERNAL)), *own]
+            check_choice(what, name, listed, error)
+        return unknown
 
     @classmethod
     def _find_parameters(cls, given: Mapping[str, Any]) -> tuple[str, ...]:
@@ -205,6 +219,16 @@ class EnvironmentConfig:
     def dt(self) -> float:
         """Length of a control tick [s]."""
         return self.timestep * self.frame_skip
+
+
+def _read_sensor(given: Any) -> str | Sensor:
+    """Return the name of a sensor, or one of a user's own: any object with what a `Sensor` has."""
+    if isinstance(given, str) or not hasattr(given, "function"):
+        check_choice("sensors", given, SENSORS, OptionError)
+        return given
+    from symbrion_gym._src.tasks.terms import Sensor
+
+    return Sensor(*(getattr(given, each.name) for each in fields(Sensor)))
 
 
 _NAMES = [entry.name for entry in fields(EnvironmentConfig)]

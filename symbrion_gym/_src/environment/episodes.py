@@ -19,7 +19,7 @@ from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.tasks.state import MEASURES, Scene, TaskState, Views, check_function
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
-from symbrion_gym._src.tasks.watch import Watch
+from symbrion_gym._src.tasks.watch import Reasons, Watch
 
 _LOWEST = MEASURES.index("lowest")  # Heights of the lowest modules, and the least z of an up axis after them
 _SOUND = 0.98  # Share of the square of the largest rate at which the sum of all squares leaves no doubt
@@ -88,7 +88,7 @@ class Ticks(NamedTuple):
 class Episodes:
     """The memory of N episodes, and how a tick (a control step) changes it."""
 
-    def __init__(self, world: World, num: int) -> None:
+    def __init__(self, world: World, num: int, max_ticks: int | None = None) -> None:
         task, dt = world.task, world.config.dt
         self.world, self._dt = world, dt
         self.commands = Commands(world, num)
@@ -107,7 +107,9 @@ class Episodes:
         self._integrates = is_reckoned or "track_odometry" in self._own
         self._has_driven = np.zeros(num, dtype=bool)
         self.state = TaskState(world.scene, task.goal, num, dt, self.action)
-        self._watch = Watch(task, self.state)
+        self._watch = Watch(task, self.state, np.inf if max_ticks is None else max_ticks)
+        self.reasons = Reasons(task)
+        self.reason = np.zeros(num, dtype=np.int64)  # numbers of the words of `reasons`
         self._largest_squares = _SOUND * self.state.criteria.max_rate**2
         rewards = tuple(f"reward_{term.name}" for term in task.rewards)
         self.number_names = ("x_position", "progress", "time", *rewards, "lowest_module", "least_upright")
@@ -169,6 +171,7 @@ class Episodes:
         state.begin(rows, scenes, speeds)
         self._watch.begin(rows)
         self._has_driven[rows] = False
+        self.reason[rows] = 0
         self.numbers[:, rows] = 0.0
         self._start_head[rows] = self._head[rows] = state.along[rows, 0]
         self._lows[:, rows] = self._ends[:, rows]
@@ -207,6 +210,8 @@ class Episodes:
             self._own["odometry"][:, 0] = self.state.along[:, 0] - self._start_head
         if self._has_goal:
             self._own["goal"][...] = find_goal(self.state)
+        for sensor in self.observer.sensors:
+            self._own[sensor.name][...] = sensor.read(self.state)
         if self._integrates and self._has_driven.any():
             self._integrate(physics)
         return self.observer.read(physics)
@@ -262,6 +267,7 @@ class Episodes:
             np.copyto(self.numbers, kept, where=~active)  # pyright: ignore[reportArgumentType]
             reward = np.where(active, reward, 0.0)
         if has_ended:
+            self.reason[:] = self.reasons.find(self.flags, watch.is_late, np)
             return Ticks(reward, watch.terminated, watch.truncated, True)
         return Ticks(reward, self._never, self._never, False)
 
@@ -272,10 +278,12 @@ class Episodes:
             row[:] = np.where(ended, function(self.state) * factor, 0.0)
         self._has_final = has_ended
 
-    def describe(self, row: int) -> dict[str, float | bool]:
+    def describe(self, row: int) -> dict[str, float | bool | str]:
         """Return the `info` of one simulation."""
         numbers, flags = self._columns[row]
-        return dict(zip(self.info_names, numbers.tolist() + flags.tolist(), strict=False))
+        info = dict(zip(self.info_names, numbers.tolist() + flags.tolist(), strict=False))
+        info["reason"] = str(self.reasons.words[self.reason[row]])
+        return info
 
 
 def add_rewards(rewards: Sequence[Any]) -> Any:

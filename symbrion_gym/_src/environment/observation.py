@@ -59,7 +59,9 @@ class Observer:
 
     def __init__(self, world: World, num: int, num_actions: int) -> None:
         bounds = _find_bounds(world, num_actions)
-        parts = {name: bounds[name] for name in world.config.sensors}
+        self.sensors = [each for each in world.config.sensors if not isinstance(each, str)]  # of a user's own
+        bounds |= {each.name: (each.size, np.array(each.low), np.array(each.high)) for each in self.sensors}
+        parts = {name: bounds[name] for name in world.config.sensor_names}
         deviations = world.config.sensor_noise or SensorNoise()
         self.structure: dict[str, slice] = {}  # name -> slice of the observation
         self.size = 0

@@ -17,12 +17,13 @@ from symbrion_gym._src.environment.randomization import begin_episode, draw_doma
 from symbrion_gym._src.environment.rendering import RENDER_MODES, SceneRenderer
 from symbrion_gym._src.environment.world import Physics, World
 from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.registration import KnowsLimits
 from symbrion_gym._src.sensing.timing import timing
 
 _PACKAGE = f"{__name__.partition('.')[0]}."
 
 
-class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
+class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """An organism of docked Scouts has to cross a pit, climb stairs or a ramp, or reach a place on scanned ground.
 
     By default: two ramps, a plateau with a pit between them, and a snake of modules whose tracks always run (paper,
@@ -151,7 +152,8 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     `info` also contains `x_position` (position of the head along the route, which is x on courses [m]), `progress`
     since the start [m], `time` [s], `lowest_module` (height of the lowest module [m]), `least_upright` (z of the up
     axis of the module that leans most), and the flags `success`, `diverged`, `rolled_over`, `fell`, `touched_pit`,
-    `stuck`. `roll` (turning of the organism about the axis of its head at the start [rad]) is a reset option, too; the
+    `stuck`. `reason` is the flag that ended the episode, or "timeout", and "" as long as it goes on.
+    `roll` (turning of the organism about the axis of its head at the start [rad]) is a reset option, too; the
     task "recover" draws it. Other tasks have flags and terms of the reward of their own.
 
     In an arena with a `friction_map`, `friction` holds outside of its patches. The friction of a patch keeps its ratio
@@ -176,7 +178,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     ) -> None:
         if render_mode not in (None, *RENDER_MODES):
             raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES)}")
-        self.config = EnvironmentConfig.from_options(options)
+        self.config = EnvironmentConfig.from_options(options, ("render_mode", "width", "height"))
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.config.dt)}
         self.render_mode, self.width, self.height = render_mode, width, height
         self.world = World(self.config, (width, height))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from inspect import signature
 from typing import Any
 
 import mujoco
@@ -29,12 +30,13 @@ from symbrion_gym._src.environment.randomization import (
 from symbrion_gym._src.environment.rendering import RENDER_MODES, SceneRenderer
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.registration import KnowsLimits
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 
 _DIVERGED = BASE_FLAGS.index("diverged")
 
 
-class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """Many `OrganismEnv` at once, bit-identical to them for equal seeds and actions.
 
     Made by `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` or directly. It takes the
@@ -74,7 +76,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ) -> None:
         if render_mode not in (None, *RENDER_MODES[1:]):
             raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES[1:])}")
-        self.config = EnvironmentConfig.from_options(options)
+        self.config = EnvironmentConfig.from_options(options, [*signature(OrganismVectorEnv).parameters][:-1])
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {
             **self.metadata,
@@ -91,9 +93,8 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._worlds = [World(config, (width, height)) for config in configs]
         self.world = self._worlds[0]
         self.model = self.world.model
-        self._max_ticks = max_episode_steps
-        self._episodes = Episodes(self.world, self.num_envs)
-        self._mask_names = tuple(f"_{name}" for name in self._episodes.info_names)
+        self._episodes = Episodes(self.world, self.num_envs, max_episode_steps)
+        self._mask_names = tuple(f"_{name}" for name in (*self._episodes.info_names, "reason"))
         self._selected = [0] * self.num_envs
         self._make_batch(min(threads, self.num_envs))
         self.observation_structure = self._episodes.observer.structure
@@ -210,12 +211,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             self.batch.step(some, nstep=self.config.frame_skip)
             self._refresh()
         ticks = episodes.finish_tick(self._physics, None if count == self.num_envs else active)
-        ticks = ticks._replace(terminated=ticks.terminated.copy(), truncated=ticks.truncated.copy())
-        if self._max_ticks is not None:
-            limit = (self._max_ticks - 0.5) * self.config.dt
-            has_timed_out = active & (episodes.state.time > limit)
-            np.copyto(ticks.truncated, ~ticks.terminated, where=has_timed_out)
-        return ticks
+        return ticks._replace(terminated=ticks.terminated.copy(), truncated=ticks.truncated.copy())
 
     def _restart(self, mask: np.ndarray, observation: np.ndarray) -> np.ndarray:
         rows = np.flatnonzero(mask).tolist()
@@ -227,6 +223,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Return `info` with Gymnasium's `_name` masks: which simulations a value belongs to."""
         values = *self._episodes.numbers.copy(), *self._episodes.flags.copy()
         info: dict[str, Any] = dict(zip(self._episodes.info_names, values, strict=True))
+        info["reason"] = self._episodes.reasons.words[self._episodes.reason]
         return info | dict.fromkeys(self._mask_names, mask)
 
     def _add_noise(self, observation: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.batch import Batch
 
+from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.environment.config import RANDOM_LIMITS, RANDOM_OPTIONS
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import ArenaError, OptionError
@@ -49,8 +50,7 @@ def draw_domain(world: World, options: Mapping[str, Any], rng: np.random.Generat
     """Return the circumstances of one episode."""
     wanted = list_random(world, options)
     for name in wanted:
-        if name not in RANDOM_OPTIONS:
-            raise OptionError(f"no reset option {name!r}; there are: {', '.join(RANDOM_OPTIONS)}")
+        check_choice("reset options", name, RANDOM_OPTIONS, OptionError)
     nominal = make_nominal_domain(world)._asdict()
     domain = Domain(*(_draw(name, wanted.get(name, nominal[name]), rng) for name in Domain._fields))
     if domain.patch_friction and not len(world.patch_geoms):

@@ -147,7 +147,7 @@ class World:
         self.organism.add_to(spec, spec.worldbody)
         if self.config.track_control == "skid" and self.organism.scout.tracks != "spheres":
             limit_wheels(spec, self.organism.scout.wheel_torque)
-        add_sensors(spec, self.organism, self.config.sensors, self.config.dt)
+        add_sensors(spec, self.organism, self.config.sensor_names, self.config.dt)
         for geom in spec.worldbody.geoms:
             if geom.group == ARENA_CONTACT_GROUP:
                 geom.rgba[3] = 0.0  # rays shall see the exact surface alone

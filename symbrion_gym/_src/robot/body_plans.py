@@ -44,7 +44,7 @@ def load_organism(what: int | str | Path | Organism, scout: ScoutConfig | None =
 
     Raises:
         OrganismError: there is no such shape or file, the plan does not parse or contains other robots than Scouts, a
-            dock is used twice, or modules overlap.
+            dock is used twice, two arms or two sockets meet, or modules overlap.
     """
     if isinstance(what, Organism):
         return what
@@ -150,7 +150,8 @@ def _make_error(text: str, what: str) -> OrganismError:
 def make_random_organism(
     num_modules: int, rng: np.random.Generator, scout: ScoutConfig | None = None
 ) -> Organism:
-    """Return a tree of modules, each docked with a random side to a random free side of those before it.
+    """Return a tree of modules, each docked at random to one of those before it: its arm to a socket, or the other's
+    arm to a socket of its own.
 
     Args:
         num_modules: number of modules.
@@ -169,5 +170,5 @@ def make_random_organism(
         try:
             body = Organism(new + 1, (*body.dockings, docking), body.scout)
         except OrganismError:
-            continue  # the side is taken, or the module would lie on another
+            continue  # a side is taken, two arms or two sockets meet, or the module would lie on another
     return body

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,10 +23,10 @@ _ROUNDING = 1e-6  # Distances that differ by less are the same [m]
 
 @dataclass(frozen=True)
 class Docking:
-    """Two docks joined."""
+    """Two docks joined: one module's connector, "front" on the hinged arm, and a socket of another."""
 
     first: int  # index of a module
-    first_side: str  # its dock: "front" (on the hinged arm), "back", "left" or "right"
+    first_side: str  # its dock: "front", or a socket, "back", "left" or "right"
     second: int  # index of the other module
     second_side: str  # its dock
 
@@ -37,14 +38,17 @@ class Docking:
 
 @dataclass(frozen=True)
 class Organism:
-    """A tree of modules.
+    """A tree of modules, in which each docking joins an arm with a socket: so one arm of all is free.
 
     The joints of a module work where its front dock is used; a free arm is folded up, out of the way.
 
     Attributes:
         num_modules: number of modules.
-        dockings: the joined docks, one fewer than modules.
+        dockings: the joined docks, one fewer than modules; four values such as (1, "front", 0, "back") are a docking.
         scout: constants of the modules.
+
+    Raises:
+        OrganismError: the dockings are no tree, two sockets or two arms meet, or modules overlap.
     """
 
     num_modules: int
@@ -56,6 +60,7 @@ class Organism:
             raise OrganismError(f"the number of modules must be a whole number, got {self.num_modules!r}")
         if self.num_modules < 1:
             raise OrganismError(f"an organism needs at least 1 module, got {self.num_modules}")
+        object.__setattr__(self, "dockings", _read_dockings(self.dockings))
         _check_dockings(self)
         _check_overlap(self)
 
@@ -186,23 +191,22 @@ def snake(num_modules: int, scout: ScoutConfig | None = None) -> Organism:
         OrganismError: fewer than one module.
     """
     count = num_modules if isinstance(num_modules, int | np.integer) else 0
-    dockings = tuple(Docking(i, "front", i - 1, "back") for i in range(1, count))
-    return Organism(num_modules, dockings, scout or ScoutConfig())
+    return Organism(num_modules, tuple(_dock_row(count)), scout or ScoutConfig())
 
 
 def cross(arm_length: int = 2, scout: ScoutConfig | None = None) -> Organism:
-    """Return a middle module with four arms of `arm_length` modules, each looking at the middle.
+    """Return a row with an arm of `arm_length` modules on either side of its middle, which lies as far from both ends.
+
+    Module 0 is the head of the row. Three arms look at the middle; the fourth holds it, as a module has three sockets.
 
     Raises:
         OrganismError: an arm shorter than one module.
     """
     if arm_length < 1:
         raise OrganismError(f"the arms of a cross need at least 1 module, got {arm_length}")
-    dockings = []
-    for k, side in enumerate(("front", "back", "left", "right")):
-        first = 1 + k * arm_length
-        dockings.append(Docking(first, "front", 0, side))
-        dockings += [Docking(first + i, "front", first + i - 1, "back") for i in range(1, arm_length)]
+    dockings = _dock_row(1 + 4 * arm_length)
+    for side, first in (("left", 1 + 2 * arm_length), ("right", 1 + 3 * arm_length)):
+        dockings[first - 1] = Docking(first, "front", arm_length, side)
     return Organism(1 + 4 * arm_length, tuple(dockings), scout or ScoutConfig())
 
 
@@ -210,10 +214,14 @@ def letter_h(spine: int = 3, scout: ScoutConfig | None = None) -> Organism:
     """Return a spine of `spine` modules with a leg to either side at both ends."""
     if spine < 2:
         raise OrganismError(f"the spine of an H needs at least 2 modules, got {spine}")
-    dockings = [Docking(i, "front", i - 1, "back") for i in range(1, spine)]
     legs = [(0, "left"), (0, "right"), (spine - 1, "left"), (spine - 1, "right")]
-    dockings += [Docking(spine + k, "front", module, side) for k, (module, side) in enumerate(legs)]
-    return Organism(spine + 4, tuple(dockings), scout or ScoutConfig())
+    dockings = [Docking(spine + k, "front", module, side) for k, (module, side) in enumerate(legs)]
+    return Organism(spine + 4, (*_dock_row(spine), *dockings), scout or ScoutConfig())
+
+
+def _dock_row(count: int) -> list[Docking]:
+    """Return the dockings of modules in a row, module i to the back of module i - 1."""
+    return [Docking(i, "front", i - 1, "back") for i in range(1, count)]
 
 
 def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> PlanarPose:
@@ -222,21 +230,35 @@ def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> PlanarPose
     return dock.compose(PlanarPose(*scout.compute_dock(other_side)).invert())
 
 
+def _read_dockings(given: Iterable[Docking | Iterable[Any]]) -> tuple[Docking, ...]:
+    try:
+        return tuple(each if isinstance(each, Docking) else Docking(*each) for each in given)
+    except TypeError:
+        what = "dockings such as (1, 'front', 0, 'back') are needed"
+        raise OrganismError(f"dockings are {given!r}; a sequence of {what}") from None
+
+
 def _check_dockings(organism: Organism) -> None:
-    if len(organism.dockings) != organism.num_modules - 1:
-        need = f"{organism.num_modules} modules need {organism.num_modules - 1} dockings to be one tree"
+    count = organism.num_modules
+    if len(organism.dockings) != count - 1:
+        need = f"{count} modules need {count - 1} dockings to be one tree"
         raise OrganismError(f"{need}, got {len(organism.dockings)}")
     used: set[tuple[int, str]] = set()
-    for module, side in (end for docking in organism.dockings for end in docking.ends):
-        organism.scout.compute_dock(side)
-        if not 0 <= module < organism.num_modules:
-            raise OrganismError(f"no module {module}; there are 0 to {organism.num_modules - 1}")
-        if (module, side) in used:
-            raise OrganismError(f"dock {side!r} of module {module} is used twice; take another side")
-        used.add((module, side))
     for docking in organism.dockings:
+        for module, side in docking.ends:
+            organism.scout.compute_dock(side)
+            if not isinstance(module, int | np.integer) or not 0 <= module < count:
+                raise OrganismError(f"no module {module!r}; there are 0 to {count - 1}")
+            if (module, side) in used:
+                raise OrganismError(f"dock {side!r} of module {module} is used twice; take another side")
+            used.add((module, side))
         if docking.first == docking.second:
             raise OrganismError(f"module {docking.first} cannot dock to itself")
+        if (docking.first_side == "front") == (docking.second_side == "front"):
+            raise OrganismError(
+                f"dock {docking.first_side!r} of module {docking.first} cannot hold {docking.second_side!r} of module "
+                f"{docking.second}; join the arm of one (front) with a socket of the other (back, left, right)"
+            )
 
 
 def _check_overlap(organism: Organism) -> None:

@@ -135,7 +135,7 @@ class ScoutConfig:
             "left": (0.0, self.dock_reach, pi / 2),
             "right": (0.0, -self.dock_reach, -pi / 2),
         }
-        if side not in places:
+        if side not in SIDES:
             raise OrganismError(f"no dock {side!r}; there are: {', '.join(SIDES)}")
         return places[side]
 

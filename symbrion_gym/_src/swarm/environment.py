@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from reconstruction._src.base.range_checks import check_not_negative, check_positive
+from reconstruction._src.base.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.errors import OptionError
@@ -31,6 +31,7 @@ LEVELS = {
     "kinematic": KinematicWorld,
     "dynamic": DynamicWorld,
 }  # All robots simply and fast; all in full contact
+TASKS = ("cross", "assemble")  # To get beyond the pit; to dock until all robots are one body
 MOST_ROBOTS = 1000
 NUM_MESSAGES = 16  # Messages that a dock can send: numbers from 0 on
 _NUM_DOCKS = len(SIDES)
@@ -44,7 +45,8 @@ _LARGEST_SEED = 2**31
 class SwarmOptions:
     """Options of `swarm_v0.parallel_env`; see `SwarmEnv`."""
 
-    arena: str | Path | Arena = "gsrm"  # a name, a folder, a mesh file or an `Arena` with a pit
+    arena: str | Path | Arena = "gsrm"  # a name, a folder, a mesh file or an `Arena`; with a pit for "cross"
+    task: str = "cross"  # one of `TASKS`
     num_robots: int = 8  # robots, all Scouts
     duration: float = 900.0  # of an episode [s]
     success_bonus: float = 1.0  # reward of every robot once all are beyond the pit, undocked and upright
@@ -57,12 +59,13 @@ class SwarmOptions:
             raise OptionError(f"num_robots must be a whole number from 1 to {MOST_ROBOTS}, got {count!r}")
         check_positive(self, ("duration",), OptionError)
         check_not_negative(self, ("success_bonus", "noise"), OptionError)
-        if self.fidelity not in LEVELS:
-            raise OptionError(f"no fidelity {self.fidelity!r}; there are: {', '.join(LEVELS)}")
+        check_choice("fidelity", self.fidelity, tuple(LEVELS), OptionError)
+        check_choice("task", self.task, TASKS, OptionError)
 
 
 class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
-    """Scouts scattered before a pit have to get beyond it; none of them can cross it alone.
+    """Scouts scattered before a pit have to get beyond it; none of them can cross it alone. Or, with the task
+    "assemble", on any ground with a way ahead, to dock until all are one body.
 
     Motion is that of the level of physics, `fidelity`; sensors and signals are those of `Senses` and `Signals`. A
     decision lasts 0.1 s.
@@ -107,13 +110,15 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     ## Reward, end, options
 
     The change of the robot's own position along the way across the pit, up to 0.2 m beyond it [m], and
-    `success_bonus` for all at the end. Terminated for all: every robot is beyond the pit with its whole chassis,
-    upright and undocked (`success` in the info). Truncated for all after `duration`. `info` contains `success`,
+    `success_bonus` for all at the end; in "assemble" the change of the share of all robots that its body consists of.
+    Terminated for all: every robot is beyond the pit with its whole chassis, upright and undocked, or all are one body
+    (`success` in the info). Truncated for all after `duration`. `info` contains `success`,
     `organism` and `across`, whether the robot itself is there.
 
     | option | default | meaning |
     |---|---|---|
-    | `arena` | "gsrm" | a name, a folder, a mesh file or an `Arena` with a pit |
+    | `arena` | "gsrm" | a name, a folder, a mesh file or an `Arena`; with a pit for "cross" |
+    | `task` | "cross" | "cross", or "assemble", which needs no pit |
     | `num_robots` | 8 | N, 1 to 1000 |
     | `duration` | 900.0 | of an episode [s] |
     | `success_bonus` | 1.0 | reward of each robot at a success |
@@ -125,11 +130,12 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     With `render_mode="rgb_array"`, `render()` returns an image [400, 640, 3] from the right of the way across.
     Kinematic robots stop where they would fall; dynamic ones fall.
 
-    `reset` takes a `seed`: equal seeds and actions give equal bits. It knows no options and leaves them out.
+    `reset` takes a `seed`: equal seeds and actions give equal bits; and `options={"poses": [N, 3]}`: x [m], y [m] and
+    heading [rad] of each robot, such as two before each other's docks. Other options are left out.
 
     Raises:
         OptionError: an option is unknown or out of range.
-        ArenaError: there is no such arena, or it has no pit or no room for so many robots.
+        ArenaError: there is no such arena, or it has no pit for "cross" or no room for so many robots.
     """
 
     metadata = {  # noqa: RUF012
@@ -143,12 +149,12 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         if render_mode not in (None, "rgb_array"):
             raise OptionError(f"no render mode {render_mode!r}; there is 'rgb_array', or leave it out")
         names = [field.name for field in fields(SwarmOptions)]
-        for unknown in sorted(set(options) - set(names)):
-            raise OptionError(f"no option {unknown!r}; there are: {', '.join(names)}")
+        for name in options:
+            check_choice("option", name, names, OptionError)
         self.options, self.render_mode = SwarmOptions(**options), render_mode
         count, source = int(self.options.num_robots), self.options.arena
         self.arena = source if isinstance(source, Arena) else load_arena(source)
-        self.field = find_field(self.arena)
+        self.field = find_field(self.arena, needs_pit=self.options.task == "cross")
         self.world: SwarmWorld = LEVELS[self.options.fidelity](self.arena, count)
         self._senses = Senses(self.world, self.options.noise)
         self._signals = Signals(self.world, self.options.noise)
@@ -174,23 +180,39 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Scatter the robots on the ground before the pit and begin an episode.
+        """Scatter the robots on the ground before the pit, or place them as told, and begin an episode.
 
         Args:
             seed: of all random numbers from now on; None to go on with the present ones.
-            options: none are known.
+            options: `poses`, `[N, 3]` x [m], y [m] and heading [rad] of the robots; others are left out.
+
+        Raises:
+            OptionError: the poses have another shape or are not finite.
+            ArenaError: a robot would not stand there, or two would overlap.
         """
         if seed is not None:
             self._rng = np.random.default_rng(seed)
         start, world, senses, signals = self._rng.integers(_LARGEST_SEED, size=4).tolist()
-        rng = np.random.default_rng(start)
-        self.world.reset(scatter(self.field, self.world.num_robots, self.arena, rng), world)
+        self.world.reset(self._place((options or {}).get("poses"), np.random.default_rng(start)), world)
         self._senses.reset(senses)
         self._signals.reset(signals)
         self._is_placed, self.agents = True, list(self.possible_agents)
         self._progress = self._measure_progress()
         silent = np.full((self.world.num_robots, _NUM_DOCKS), NO_MESSAGE)
         return self._observe(silent >= 0, silent), self._describe(False)
+
+    def _place(self, given: Any, rng: np.random.Generator) -> np.ndarray:
+        """Return the poses that are given, or those of robots that are scattered."""
+        count = self.world.num_robots
+        if given is None:
+            return scatter(self.field, count, self.arena, rng)
+        try:
+            poses = np.array(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            poses = np.zeros(0)
+        if poses.shape != (count, 3) or not np.isfinite(poses).all():
+            raise OptionError(f"poses must be [{count}, 3] finite numbers (x, y, heading), got {given!r}")
+        return poses
 
     def step(
         self, actions: dict[str, np.ndarray]
@@ -211,7 +233,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         level = np.minimum((action[:, 11:] * NUM_MESSAGES).astype(int), NUM_MESSAGES - 1)
         message = np.where(action[:, 11:] < 0.0, NO_MESSAGE, level)
         progress = self._measure_progress()
-        success = bool(find_across(self.world.state, self.field).all())
+        success = self._has_succeeded()
         gain = progress - self._progress + success * self.options.success_bonus
         self._progress = progress
         is_over = self.world.time >= self.options.duration - DECISION / 2
@@ -264,7 +286,18 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
             result[self.possible_agents.index(agent)] = np.clip(values, -1.0, 1.0)
         return result
 
+    def _has_succeeded(self) -> bool:
+        if self.options.task == "assemble":
+            return not self._find_groups().any()
+        return bool(find_across(self.world.state, self.field).all())
+
+    def _find_groups(self) -> np.ndarray:
+        return find_groups(self.world.state.links, self.world.num_robots)
+
     def _measure_progress(self) -> np.ndarray:
+        if self.options.task == "assemble":
+            groups = self._find_groups()
+            return np.bincount(groups, minlength=len(groups))[groups] / len(groups)
         return np.minimum(self.field.find_way(self.world.state.position), self.field.far_edge + _BEYOND)
 
     def _observe(self, beacon: np.ndarray, message: np.ndarray) -> dict[str, np.ndarray]:
@@ -286,7 +319,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def _describe(self, success: bool) -> dict[str, dict[str, Any]]:
         across = find_across(self.world.state, self.field).tolist()
-        organism = find_groups(self.world.state.links, self.world.num_robots).tolist()
+        organism = self._find_groups().tolist()
         return {
             agent: {"success": success, "organism": organism[index], "across": across[index]}
             for index, agent in enumerate(self.agents)

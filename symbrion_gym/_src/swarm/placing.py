@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
     from symbrion_gym._src.swarm.world import SwarmState
 
-SPACING = 0.25  # Least distance of two robots at the start [m]: both can turn on the spot
+SPACING = 0.25  # Distance of two robots at the start [m]: both can turn on the spot with room to spare
+_LEAST_SPACING = 0.17
+"""Least distance where there is less room [m]: the arm of one that turns just passes that of another, 0.08 m each."""
+_SPACING_STEP = 0.005  # By which it is lowered until all find room [m]
 RIM = 0.2  # Least distance from the sides of the way, and from its beginning [m]
 UPRIGHT = 0.5  # z of the up axis of a robot that is upright, as the task of the snake has it
 _MOST_TRIES = 10_000
@@ -41,13 +44,17 @@ class Field(NamedTuple):
         return position[:, :2] @ np.array(self.route.direction)
 
 
-def find_field(arena: Arena, length: int = 8) -> Field:
-    """Return the ground before the gap of an arena, as the task of a snake finds it on the surface."""
+def find_field(arena: Arena, length: int = 8, needs_pit: bool = True) -> Field:
+    """Return the ground before the gap of an arena, as the task of a snake finds it on the surface.
+
+    Raises:
+        ArenaError: there is no way ahead, or no gap where one is needed.
+    """
     body = snake(length)
     route = find_route(arena, body, "floor")
-    if route.pit is None:
+    if route.pit is None and needs_pit:
         raise ArenaError(
-            f"arena {arena.name!r} has no pit; a swarm needs one to cross: take 'gsrm' or 'truth'"
+            f"arena {arena.name!r} has no pit; a swarm needs one to cross: take 'gsrm' or 'truth', or task='assemble'"
         )
     x, y = arena.surface.vertices[:, 0], arena.surface.vertices[:, 1]
     s = x * route.direction[0] + y * route.direction[1]
@@ -58,7 +65,11 @@ def find_field(arena: Arena, length: int = 8) -> Field:
 def scatter(
     field: Field, num_robots: int, arena: Arena, rng: np.random.Generator
 ) -> Float[np.ndarray, "N 3"]:
-    """Return x [m], y [m] and heading [rad] of robots on the ground before the gap, on level ground."""
+    """Return x [m], y [m] and heading [rad] of robots on the ground before the gap, on level ground.
+
+    Raises:
+        ArenaError: there is no room for so many.
+    """
     poses: list[tuple[float, float, float]] = []
     for _ in range(_MOST_TRIES):
         if len(poses) == num_robots:
@@ -69,9 +80,25 @@ def scatter(
         is_far = all(np.hypot(x - other[0], y - other[1]) > SPACING for other in poses)
         if is_far and np.isfinite(np.asarray(arena.height(x, y))).all():
             poses.append((x, y, heading))
+    return _pack(field, num_robots, arena, rng)
+
+
+def _pack(field: Field, num_robots: int, arena: Arena, rng: np.random.Generator) -> Float[np.ndarray, "N 3"]:
+    """Return poses at random places of the widest triangular grid that has enough of them."""
+    places = np.zeros((0, 2))
+    for spacing in np.arange(SPACING, _LEAST_SPACING, -_SPACING_STEP):
+        rows = np.arange(field.low, field.high, spacing * np.sqrt(0.75))
+        columns = np.arange(-field.half_width, field.half_width, spacing)
+        s, left = (each.ravel() for each in np.meshgrid(rows, columns, indexing="ij"))
+        left = left + spacing / 2 * np.repeat(np.arange(len(rows)) % 2, len(columns))
+        x, y = field.route.place(s, left)
+        is_inside = np.isfinite(np.asarray(arena.height(x, y))) & (left <= field.half_width)
+        places = np.column_stack([x, y])[is_inside]
+        if len(places) >= num_robots:
+            chosen = rng.choice(len(places), num_robots, replace=False)
+            return np.column_stack([places[chosen], rng.uniform(-np.pi, np.pi, num_robots)])
     raise ArenaError(
-        f"there is room for {len(poses)} robots {SPACING} m apart before the pit of {arena.name!r}, not for "
-        f"{num_robots}; take fewer"
+        f"there is room for {len(places)} robots before the pit of {arena.name!r}, not for {num_robots}; take fewer"
     )
 
 

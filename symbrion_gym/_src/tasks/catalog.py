@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.tasks.explore import SeeGround, StandUp
 from symbrion_gym._src.tasks.goals import BeyondGap, FarEnd, OnTop, PassFinish
@@ -44,7 +45,7 @@ class UsualTerms:
     forward_weight: float = 1.0
     success_bonus: float = 1.0  # reward of a success
     effort_weight: float = 0.002  # cost per joule of the hinges' work
-    failure_cost: float = 1.0  # cost of a failure, which keeps none of the progress either
+    failure_cost: float = 1.0  # cost of a failure; what ends without success keeps none of the progress
 
     def make_task(self, name: str, start: Start, goal: Goal, **others: Termination) -> Task:
         """Return a task with these terms, and other terminations."""
@@ -178,8 +179,7 @@ TASKS: dict[str, Callable[..., Task]] = {
 
 def find_parameters(name: str) -> tuple[str, ...]:
     """Return the names of the parameters of a task."""
-    if name not in TASKS:
-        raise TaskError(f"no task {name!r}; there are: {', '.join(TASKS)}")
+    check_choice("task", name, tuple(TASKS), TaskError)
     own = [each for each in inspect.signature(TASKS[name]).parameters if each != "terms"]
     return (*own, *(each.name for each in fields(UsualTerms)))
 
@@ -193,8 +193,7 @@ def make_task(name: str, **parameters: Any) -> Task:
     """
     known = find_parameters(name)
     for each in parameters:
-        if each not in known:
-            raise OptionError(f"task {name!r} has no parameter {each!r}; there are: {', '.join(known)}")
+        check_choice(f"task {name!r}", each, known, OptionError)
     return TASKS[name](**parameters)
 
 

@@ -145,6 +145,7 @@ class TaskState(HostArrays):
         is_sound: `[N]` whether the simulation is numerically stable.
         success: `[N]` whether the task is done; known to rewards.
         failed: `[N]` whether it failed; known to rewards.
+        ended: `[N]` whether the episode has ended; known to rewards.
         track_speed: `[N]` speed of the tracks in this episode [m/s].
         dt: length of a tick [s].
         finish: `[N]` position along the way beyond which the goal lies [m].
@@ -182,7 +183,7 @@ class TaskState(HostArrays):
         self.start_position, self._turned = np.zeros((2, num, count, 3))
         self._finish_of_each = np.zeros((count, num))
         self.is_sound = np.ones(num, dtype=bool)
-        self.success, self.failed, self.was_ahead = np.zeros((3, num), dtype=bool)
+        self.success, self.failed, self.ended, self.was_ahead = np.zeros((4, num), dtype=bool)
         self.memory: dict[str, np.ndarray] = {}
         self._initial: dict[str, Initial] = {}
         self._cache: dict[str, Any] = {}
@@ -220,7 +221,8 @@ class TaskState(HostArrays):
         self._find_local()
         rows = list(rows)
         self.tick[rows] = 0.0
-        self.success[rows] = self.failed[rows] = self.was_ahead[rows] = False
+        for flags in (self.success, self.failed, self.ended, self.was_ahead):
+            flags[rows] = False
         self.is_sound[rows] = True
         self.start_position[rows] = self.position[rows]
         progress = self.progress.copy()

@@ -102,12 +102,62 @@ class Reward:
             raise TaskError(f"reward {self.name!r}: weight must be a finite number, got {self.weight!r}")
 
 
-def _check_term(term: Termination | Reward) -> None:
+def _check_term(term: Termination | Reward | Sensor) -> None:
     kind = type(term).__name__
     if not (isinstance(term.name, str) and term.name.isidentifier()):
         raise TaskError(f"{kind}: a name is an identifier such as 'fell', got {term.name!r}")
     if not callable(term.function):
         raise TaskError(f"{kind} {term.name!r}: its function cannot be called: {term.function!r}")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A part of the observation of a user's own, read after every tick and at the start of an episode.
+
+    Attributes:
+        name: name of the part.
+        size: number of values.
+        low: smallest value: a number, or one for each value.
+        high: largest value, likewise; values beyond are clipped.
+        function: state -> `[N, size]` numbers, from the state that the terms of the task see.
+
+    Raises:
+        TaskError: the name is no identifier, the function cannot be called, or the bounds do not fit.
+    """
+
+    name: str
+    size: int
+    low: float | tuple[float, ...]
+    high: float | tuple[float, ...]
+    function: Callable[[TaskState], Float[Any, "N size"]]
+
+    def __post_init__(self) -> None:
+        _check_term(self)
+        try:
+            bounds = [
+                np.broadcast_to(np.asarray(each, float), (self.size,)) for each in (self.low, self.high)
+            ]
+        except (TypeError, ValueError):
+            bounds = []
+        if not (bounds and self.size > 0 and np.isfinite(bounds).all() and (bounds[0] < bounds[1]).all()):
+            found = f"size {self.size!r}, low {self.low!r}, high {self.high!r}"
+            raise TaskError(
+                f"Sensor {self.name!r}: a size of 1 or more, and finite low < high of that size, got {found}"
+            )
+        for name, bound in zip(("low", "high"), bounds, strict=True):
+            object.__setattr__(self, name, tuple(bound.tolist()))
+
+    def read(self, state: TaskState) -> Float[Any, "N size"]:
+        """Return the values.
+
+        Raises:
+            TaskError: the function returns another shape.
+        """
+        values = self.function(state)
+        if np.shape(values) != (state.num, self.size):
+            need = f"an array of shape ({state.num}, {self.size}) is needed"
+            raise TaskError(f"sensor {self.name!r} returned {np.shape(values)}; {need}")
+        return values
 
 
 _LARGEST_REACH = 1.5
@@ -235,14 +285,14 @@ def gain_progress(state: TaskState) -> Float[Any, " N"]:
 
 
 def gain_potential(state: TaskState) -> Float[Any, " N"]:
-    """Return the change of a potential that is the progress, and that of the start once the task has failed.
+    """Return the change of a potential that is the progress, and that of the start where it ended without success.
 
-    So the terms of a failed episode add up to nothing, and a fall gains nothing (Ng, Harada and Russell 1999, with
-    no discount and the potential of the start in every failed state).
+    So the terms of an episode without success add up to nothing, whether it failed, was stuck or took too long (Ng,
+    Harada and Russell 1999, with no discount and the potential of the start in every such last state).
     """
-    now = state.progress
-    if state.may_hold(state.failed):
-        now = state.xp.where(state.failed, state.start_progress, now)
+    now, is_lost = state.progress, state.ended & ~state.success
+    if state.may_hold(is_lost):
+        now = state.xp.where(is_lost, state.start_progress, now)
     return now - state.previous_progress
 
 

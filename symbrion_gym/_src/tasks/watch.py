@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 
 from symbrion_gym._src.tasks.state import MEASURES, UPPER_MEASURES, TaskState, check_function
 from symbrion_gym._src.tasks.task import Task
@@ -21,7 +21,7 @@ class Watch:
     """The ends of N episodes. Each term with `limits` is quiet while the measures keep to them; all limits are
     compared at once."""
 
-    def __init__(self, task: Task, state: TaskState) -> None:
+    def __init__(self, task: Task, state: TaskState, max_ticks: float = np.inf) -> None:
         num = state.num
         self._state = state
         self._terms = [
@@ -41,7 +41,7 @@ class Watch:
         self._hold_ticks = max(
             1, int(np.ceil(state.criteria.hold_time / state.dt - 1e-9))
         )  # but for rounding
-        self._last_tick = round(task.duration / state.dt)
+        self._last_tick = min(round(task.duration / state.dt), max_ticks)
         self._seen = np.zeros((len(MEASURES), num), dtype=bool)
         self._limits = np.zeros(self._seen.shape)
         is_lower = np.arange(len(MEASURES)) >= _NUM_UPPER
@@ -132,6 +132,28 @@ class Watch:
         np.copyto(state.success, success, where=active)
         self.terminated = (is_over | success) & active
         self.truncated = is_cut & ~self.terminated & active
+        np.copyto(state.ended, self.terminated | self.truncated, where=active)
         self._set_limits(called)
         self._is_eventful = bool((flags.any(axis=0) & active).any() or (self._held > 0.0).any())
         return bool((self.terminated | self.truncated).any())
+
+    @property
+    def is_late(self) -> Bool[np.ndarray, " N"]:
+        """Whether the time of each episode is up."""
+        return self._state.tick >= self._last_tick
+
+
+class Reasons:
+    """Why episodes ended, as numbers of words: the flag of what happened, or "timeout"; 0, "", for those that go on."""
+
+    def __init__(self, task: Task) -> None:
+        flags = [*BASE_FLAGS, *(term.name for term in task.terminations)]
+        cuts = [term.name for term in task.terminations if term.truncates]
+        ordered = [*(name for name in flags if name not in cuts), *cuts]  # what cuts off counts last
+        self._order = np.array([flags.index(name) for name in ordered])
+        self.words = np.array(["", *ordered, "timeout"])
+
+    def find(self, flags: Bool[Any, "F N"], is_late: Bool[Any, " N"], xp: Any) -> Int[Any, " N"]:
+        """Return the number of the word for each episode."""
+        ends = xp.concatenate([flags[self._order], is_late[None]])
+        return xp.where(ends.any(axis=0), 1 + xp.argmax(ends, axis=0), 0)

@@ -18,7 +18,7 @@ from evolution._src.backends.trials import FAILED_PROGRESS, Job, Trials, make_fa
 from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
 from evolution._src.errors import NoEnvironmentError, RunError
-from evolution._src.search.bodies.genome import parse_genome
+from evolution._src.search.bodies.genome import BodyGenome
 from evolution._src.search.evaluation import evaluate
 from evolution._src.search.validation import Champion
 from symbrion_gym._src.environment.organism_env import OrganismEnv
@@ -196,7 +196,7 @@ def test_a_search_goes_on_where_a_body_does_not_fit(monkeypatch, caplog):
 
 def test_jobs_of_the_others_are_tried_together(monkeypatch):
     config = make_bodies_config("gsrm")
-    trials = {text: config.make_trials(parse_genome(text), 3, ()) for text in (ROW, WIDE, ".")}
+    trials = {text: config.make_trials(BodyGenome.parse(text), 3, ()) for text in (ROW, WIDE, ".")}
     calls = []
 
     def simulate(jobs, threads):

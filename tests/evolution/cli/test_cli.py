@@ -144,7 +144,18 @@ def test_reconstruct_writes_mesh_and_summary(cloud, tmp_path, capsys):
 
 def test_evolve_then_resume_then_replay(tmp_path, capsys):
     folder = tmp_path / "run"
-    start = ["evolve", "--arena", "truth", "--modules", "3", "--population", "4", "--trials", "1", "--json"]
+    start = [
+        "evolve",
+        "--arena",
+        "truth",
+        "--modules",
+        "3",
+        "--population-size",
+        "4",
+        "--trials",
+        "1",
+        "--json",
+    ]
     assert run([*start, "--generations", "2", "--folder", str(folder)]) == 0
     assert json.loads(capsys.readouterr().out)["generations"] == 2
     assert "contains this run already" in refuse(

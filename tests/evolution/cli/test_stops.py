@@ -80,7 +80,7 @@ def test_progress_within_an_iteration_changes_nothing(tmp_path):
 
 def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
     words = ["--bodies", "3", "--environment", "track_control", "skid", "--generations", "1"]
-    assert run([*SEARCH[:5], *words, "--population", "2", "--folder", str(tmp_path / "run")]) == 0
+    assert run([*SEARCH[:5], *words, "--population-size", "2", "--folder", str(tmp_path / "run")]) == 0
     found = ev.load_bodies(tmp_path / "run")
     assert {result.body.num_modules for result in found.results} == {3}
     assert len(found.results) <= 2

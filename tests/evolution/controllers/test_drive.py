@@ -29,7 +29,7 @@ def test_zero_genes_drive_ahead_at_full_speed():
 
 
 def test_a_cross_drives_ahead_though_its_arms_look_at_the_middle():
-    assert act(make_drive(cross(1), 5, 1.5), 0.0, 0.0, 0.0).tolist() == [1.0, -1.0, 1.0, 0.0, 0.0]
+    assert act(make_drive(cross(1), 5, 1.5), 0.0, 0.0, 0.0).tolist() == [1.0, 1.0, 1.0, 0.0, 0.0]
 
 
 def test_a_single_scout_turns_on_the_spot_and_toward_the_goal():

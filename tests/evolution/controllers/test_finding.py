@@ -79,7 +79,7 @@ def test_the_record_names_controller_version_and_source():
 
 
 def test_makers_get_the_body_and_the_number_of_tracks():
-    for make, body, tracks, length in ((Wave, cross(1), 0, 5), (make_driving_wave, BODY, 10, 14)):
+    for make, body, tracks, length in ((Wave, cross(1), 0, 4), (make_driving_wave, BODY, 10, 14)):
         controller = find_controller(make, body, tracks)
         action, _ = controller.act(np.zeros((2, 1)), np.ones(2), {}, np.zeros((2, 1)))
         assert action.shape == (2, length)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from evolution._src.controllers.joints import find_joints
-from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.organism import cross, letter_h, snake
 
 
 def test_a_snake_is_a_row():
@@ -19,21 +19,19 @@ def test_a_snake_is_a_row():
     assert joints.parents == (-1, 0, 1, 2)
     assert joints.steps.tolist() == [0.0, 1.0, 1.0, 1.0]
     assert (joints.along == 1.0).all()
-    assert (joints.share == 1.0).all()
     assert not joints.has_rolls
 
 
-def test_a_cross_looks_at_its_middle():
+def test_a_cross_is_a_row_with_arms_that_look_at_its_middle():
     joints = find_joints(cross(1))
-    assert joints.own.tolist() == [0, 1, 2, 3, 4]
-    assert joints.ahead.tolist() == [1, 0, 0, 0, 0]
-    assert joints.dock == ("front", "front", "back", "left", "right")
-    assert joints.along.tolist() == [1.0, -1.0, 1.0, 0.0, 0.0]
-    assert joints.share.tolist() == [0.5, 0.5, 1.0, 1.0, 1.0]
-    assert joints.side.tolist() == [0.0, 0.0, 0.0, 1.0, -1.0]
-    assert joints.is_head.all()
-    assert joints.is_tail.all()
-    assert joints.ahead_part[3].tolist() == [True, True, True, False, True]
+    assert joints.own.tolist() == [1, 2, 3, 4]
+    assert joints.ahead.tolist() == [0, 1, 1, 1]
+    assert joints.dock == ("back", "back", "left", "right")
+    assert joints.along.tolist() == [1.0, 1.0, 0.0, 0.0]
+    assert joints.side.tolist() == [0.0, 0.0, 1.0, -1.0]
+    assert joints.is_head.tolist() == [True, False, False, False]
+    assert joints.is_tail.tolist() == [False, True, True, True]
+    assert joints.ahead_part[2].tolist() == [True, True, True, False, True]
     assert joints.has_rolls
 
 
@@ -49,14 +47,6 @@ def test_a_single_module_has_no_joint():
     joints = find_joints(snake(1))
     assert joints.own.shape == (0,)
     assert joints.ahead_part.shape == (0, 1)
-
-
-def test_modules_docked_without_a_hinge_belong_to_the_tree():
-    organism = Organism(3, (Docking(0, "left", 1, "right"), Docking(2, "front", 1, "back")))
-    joints = find_joints(organism)
-    assert joints.own.tolist() == [2]
-    assert joints.parents == (-1, 0, 1)
-    assert joints.ahead_part.tolist() == [[True, True, False]]
 
 
 @pytest.mark.parametrize("organism", [snake(4), cross(1), letter_h()], ids=["snake", "cross", "h"])

@@ -214,6 +214,11 @@ def test_configs_survive_json_and_workers_change_no_digest():
     ("changes", "message"),
     [
         ({"population_size": 2}, "population_size"),
+        (
+            {"popsize": 4},
+            "EvolutionConfig: there is no 'popsize'; there are: population_size, modules, .*pit",
+        ),
+        ({"environment": {"pitt": 0.4}}, "no 'pitt'; there are: pit, "),
         ({"workers": 0}, "workers"),
         ({"modules": 1}, "a body of 1 module has no hinge"),
         ({"sigma": 0.0}, "sigma"),
@@ -234,7 +239,6 @@ def test_configs_survive_json_and_workers_change_no_digest():
         ({"goal": "far"}, "goal is 'far'"),
         ({"goal": (1.0, 0.0), "environment": {"goal": (2.0, 0.0)}}, "environment.goal"),
         ({"environment": {"start": (1.0, 0.0)}}, "environment.start is .* would be overwritten"),
-        ({"wings": 2}, "wings"),
         ({"modules": 51}, "modules"),
         ({"modules": True}, "modules"),
         ({"seed": 2**32}, "seed"),

@@ -148,7 +148,7 @@ def test_seeds_give_conditions():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"wings": 2}, "environment: .*wings"),
+        ({"wings": 2}, "no 'wings'; there are: modules"),
         ({"controller": "psychic"}, "there are: path"),
         ({"modules": cross(1), "organism": cross(1)}, "leave out one"),
         ({"scoring": 7}, "scoring"),

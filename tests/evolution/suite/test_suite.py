@@ -244,6 +244,7 @@ def job_law(job):
         ({"seconds": 1e5}, "were spent"),
         ({"task": "moon"}, "no task 'moon'"),
         ({"task": FREE, "body": "snake8"}, "at most 5"),
+        ({"task": FREE, "body": "SBSB0000"}, "join the arm"),
     ],
 )
 def test_entries_that_break_a_rule_are_refused(entry, changes, message):

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from side_by_side import assert_equal_ticks
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course
@@ -41,23 +42,15 @@ def find_arena(name: str) -> Arena:
 
 def check(body: str, task: str, arena: str) -> None:
     options = {"arena": find_arena(arena), "task": task, "organism": BODIES[body], "track_control": "skid"}
-    env = OrganismEnv(**options)
+    env, other = OrganismEnv(**options), OrganismEnv(**options)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*different from the unwrapped version.*|.*spec.*")
         check_env(env, skip_render_check=True)
     envs = OrganismVectorEnv(2, num_threads=1, autoreset_mode="Disabled", **options)
     many, _ = envs.reset(seed=3)
-    np.testing.assert_array_equal(many[1], env.reset(seed=4)[0])
-    rng = np.random.default_rng(1)
-    for _ in range(TICKS):
-        actions = rng.uniform(-1, 1, envs.action_space.shape)
-        many, one = envs.step(actions), env.step(actions[1])
-        np.testing.assert_array_equal(many[0][1], one[0])
-        assert (many[1][1], many[2][1], many[3][1]) == one[1:4]
-        assert all(many[4][name][1] == value for name, value in one[4].items())
-        if one[2] or one[3]:
-            break
+    np.testing.assert_array_equal(many, [other.reset(seed=3)[0], env.reset(seed=4)[0]])
+    assert_equal_ticks(envs, [other, env], TICKS, np.random.default_rng(1))
 
 
 @pytest.mark.parametrize(("body", "task", "arena"), QUICK)

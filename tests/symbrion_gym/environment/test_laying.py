@@ -90,7 +90,8 @@ def assert_rests(env: OrganismEnv, yaw: float) -> None:
     heights = env.physics.position[0, :, 2].copy()
     mujoco.mj_step(env.model, env.data)
     assert -env.data.contact.dist.min(initial=0.0) <= _DEPTH
-    hold = env.data.ctrl[: len(env.world.organism.servos)] / env.world.organism.scout.hinge_range
+    servos = [env.model.actuator(name).id for name in env.world.organism.servos]
+    hold = env.data.ctrl[servos] / env.world.organism.scout.hinge_range
     for _ in range(25):
         env.step(hold)
         assert (env.physics.position[0, :, 2] - heights).max() <= _RISE

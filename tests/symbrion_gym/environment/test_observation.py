@@ -1,6 +1,7 @@
 """What the head believes: where it is by its tracks, and where the goal lies from there."""
 
 from math import pi
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from side_by_side import assert_equal_ticks
 from symbrion_gym._src.environment.observation import find_motion
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.robot.organism import cross, snake
 
 LONE = {"organism": 1, "track_control": "skid", "arena": "truth", "sensors": ("goal_direction", "goal")}
@@ -104,7 +106,7 @@ def test_motion_of_a_straight_body():
     assert ahead.sum() == pytest.approx(1.0)
     assert turn[1] > 0 > turn[0]
     assert left[1] > 0  # the head lies before the middle
-    assert find_motion(cross(1))[0].sum() == pytest.approx(0.2)  # arms look at the middle
+    assert find_motion(cross(1))[0].sum() == pytest.approx(0.6)  # two arms look to the side
 
 
 def test_a_part_of_the_simulations_may_begin_first():
@@ -122,6 +124,27 @@ def test_the_goal_is_zero_where_a_task_has_no_place_to_head_for(task):
     env = OrganismEnv(organism=1, arena="gsrm", task=task, sensors=("goal",))
     np.testing.assert_array_equal(env.reset(seed=0)[0], 0.0)
     np.testing.assert_array_equal(env.step(np.zeros(0))[0], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"size": 0}, TaskError, "a size of 1 or more"),
+        ({"low": (0.0, 1.0, 2.0)}, TaskError, "finite low < high of that size"),
+        ({"name": "a b"}, TaskError, "a name is an identifier"),
+        ({"function": 3}, TaskError, "cannot be called"),
+        (
+            {"function": lambda state: state.tick},
+            TaskError,
+            r"returned \(1,\); an array of shape \(1, 2\) is needed",
+        ),
+        ({"name": "pitch"}, OptionError, "two sensors have one name"),
+    ],
+)
+def test_bad_sensors_of_ones_own_are_refused(changes, error, message):
+    given = {"name": "up", "size": 2, "low": -1.0, "high": (1.0, 1.0), "function": lambda state: state.up}
+    with pytest.raises(error, match=message):
+        OrganismEnv(modules=2, sensors=("pitch", SimpleNamespace(**given | changes))).reset(seed=0)
 
 
 OPTIONS = {"modules": 2, "sensors": ("track_odometry", "pitch")}

@@ -45,7 +45,7 @@ def test_a_ready_organism_keeps_what_no_option_names():
             r"hinge_torque=4\.5 contradicts hinge_torque=3\.0",
         ),
         ({"organism": snake(2, SLOW), "tracks": "spheres"}, "tracks='spheres' contradicts"),
-        ({"track_control": "skids"}, "constant, body, modules, skid"),
+        ({"track_control": "skids"}, "skid, constant, body, modules"),
     ],
 )
 def test_options_that_contradict_are_refused_by_name(options, message):
@@ -73,8 +73,7 @@ def test_what_is_no_body_is_refused(options, message):
 
 
 def test_messages_do_not_list_what_registered_ids_set():
-    with pytest.raises(OptionError, match="there is no 'stat'") as error:
+    with pytest.raises(OptionError, match="there is no 'stat'; there are: start, ") as error:
         EnvironmentConfig.from_options({"stat": 1})
     assert "default_" not in str(error.value)
-    assert "start" in str(error.value)
     assert "stuck_progress" in str(error.value)

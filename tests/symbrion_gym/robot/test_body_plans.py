@@ -22,7 +22,7 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
         (" SF0F0000 ", snake(1)),
         ("SBSF0000", snake(2)),
         ("SBSF SBSF 0000 0000", snake(3)),
-        ("SFSF0000SBSF0000SLSF0000SRSF0000", cross(1)),
+        ("SBSFSBSF0000SLSF0000SRSF00000000", cross(1)),
         ("SBSF0000; 0 1", snake(2)),
         (cross(1), cross(1)),
     ],
@@ -49,7 +49,7 @@ def test_shapes_survive_exactly(body):
 
 
 def test_a_file_may_have_comments(tmp_path):
-    (tmp_path / "plan.txt").write_text("# a cross\nSFSF0000 SBSF0000\nSLSF0000 SRSF0000\n", encoding="utf-8")
+    (tmp_path / "plan.txt").write_text("# a cross\nSBSF SBSF0000\nSLSF0000 SRSF00000000\n", encoding="utf-8")
     assert load_organism(tmp_path / "plan.txt") == cross(1)
 
 
@@ -69,7 +69,9 @@ def test_constants_are_those_that_are_given():
         ("SBAF0000", "an? Active Wheel"),
         ("SBSF00000000", "goes back from module 0"),
         ("SBSF0000SBSF0000", "dock 'back' of module 0 is used twice"),
-        ("SFSFSLSFSLSFSLSF0000000000000000", "modules 0 and 4 overlap"),
+        ("SBSB0000", "'back' of module 0"),
+        ("SFSF0000", "join the arm"),
+        ("SBSFSLSFSLSFSLSF0000000000000000", "modules . and . overlap"),
         ("SBSF0000; 0 2", "numbers must be 0 to 1"),
         ("SBSF0000; 1 0", "0 first"),
         ("dragon3", "no organism 'dragon3'"),

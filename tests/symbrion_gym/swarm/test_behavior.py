@@ -169,9 +169,9 @@ def test_plans_know_who_docks_where() -> None:
     plan = make_plan(snake(3))
     np.testing.assert_array_equal(plan.wanted, [[-1, 1, -1, -1], [-1, 2, -1, -1], [-1] * 4])
     assert plan.everyone == 0b111
-    assert make_plan(cross(1)).wanted[0].tolist() == [1, 2, 3, 4]
+    assert make_plan(cross(1)).wanted[1].tolist() == [-1, 2, 3, 4]
     with pytest.raises(OrganismError, match="dock with their front docks"):
-        make_plan(Organism(2, (Docking(0, "back", 1, "back"),)))
+        make_plan(Organism(2, (Docking(0, "front", 1, "back"),)))
 
 
 def test_tickets_name_whom_an_organism_accepts() -> None:

@@ -83,11 +83,12 @@ def test_docks_latch_that_are_free_and_both_told_to_and_open_when_one_is_not():
 
 
 def test_rings_and_overlaps_are_refused():
-    assert not can_join(Docking(0, "left", 1, "right"), [Docking(0, "back", 1, "front")], 2)
+    assert not can_join(Docking(0, "front", 1, "right"), [Docking(0, "back", 1, "front")], 2)
     around = [Docking(i, "front", i - 1, "left" if i == 1 else "right") for i in range(1, 4)]
     assert can_join(around[2], around[:2], 5)
     assert not can_join(Docking(4, "front", 3, "right"), around, 5)
-    ring = [Docking(0, "left", 1, "right"), Docking(0, "right", 1, "left")]
+    assert not can_join(Docking(0, "left", 1, "right"), [], 2)  # two sockets
+    ring = [Docking(0, "left", 1, "front"), Docking(0, "front", 1, "left")]
     with pytest.raises(OrganismError, match="ring"):
         make_organism(ring, [0, 1], SCOUT)
 

@@ -1,6 +1,7 @@
 """The PettingZoo environment of a swarm: its own tests, refusals, equal seeds, what success is."""
 
 import warnings
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -76,9 +77,10 @@ def test_images_show_the_robots_where_they_are() -> None:
         ({"num_robots": 2.5}, "num_robots must be a whole number"),
         ({"duration": -1.0}, "duration"),
         ({"noise": "much"}, "noise must be a number"),
-        ({"robots": 3}, "no option 'robots'; there are: arena, num_robots"),
+        ({"robots": 3}, "there is no 'robots'; there are: num_robots, arena"),
         ({"render_mode": "human"}, "no render mode 'human'; there is 'rgb_array'"),
-        ({"fidelity": "exact"}, "no fidelity 'exact'; there are: kinematic, dynamic"),
+        ({"task": "dance"}, "task: there is no 'dance'; there are: cross, assemble"),
+        ({"fidelity": "exact"}, "fidelity: there is no 'exact'; there are: kinematic, dynamic"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(options: dict, message: str) -> None:
@@ -92,6 +94,28 @@ def test_arenas_without_a_pit_or_room_are_refused() -> None:
         swarm_v0.parallel_env(arena="stairs")
     with pytest.raises(ArenaError, match="there is room for"):
         swarm_v0.parallel_env(arena="truth", num_robots=200).reset(seed=0)
+
+
+def test_fifty_robots_find_room() -> None:
+    env = swarm_v0.parallel_env(arena="gsrm", num_robots=50)
+    env.reset(seed=0)
+    away = np.linalg.norm(np.diff(env.world.state.position[list(combinations(range(50), 2))], axis=1), axis=2)
+    assert away.min() > 0.2
+
+
+@pytest.mark.parametrize("fidelity", LEVELS)
+def test_docking_is_studied_alone_from_poses_on_any_arena(fidelity: str) -> None:
+    env = swarm_v0.parallel_env(arena="stairs", num_robots=2, task="assemble", fidelity=fidelity)
+    x, y = (float(each) for each in env.field.route.place(env.field.low + 0.3, 0.0))
+    env.reset(seed=0, options={"poses": [(x, y, 0.0), (x - env.world.scout.pitch, y, 0.0)]})
+    latched = np.concatenate([np.zeros(3), np.ones(4), -np.ones(8)])
+    _, rewards, terminated, _, info = env.step(dict.fromkeys(env.agents, latched))
+    assert rewards == {"robot_0": 1.5, "robot_1": 1.5}  # half a body more, and the bonus
+    assert terminated == {"robot_0": True, "robot_1": True}
+    assert info["robot_1"]["organism"] == 0
+    for poses in ([(x, y, 0.0)], [(x, y, 0.0), (x, np.nan, 0.0)], "here"):
+        with pytest.raises(OptionError, match=r"poses must be \[2, 3\] finite numbers"):
+            env.reset(options={"poses": poses})
 
 
 def test_actions_are_checked_and_an_agent_without_one_stands_still(env: SwarmEnv) -> None:

@@ -11,7 +11,7 @@ from symbrion_gym._src.swarm.dynamic.assembly import Assembler, OpenOrganism, fi
 from symbrion_gym._src.swarm.dynamic.transfer import read_motion, refresh, write_motion
 
 LINKS = sort_links(
-    [Docking(0, "back", 1, "front"), Docking(1, "left", 2, "front"), Docking(1, "back", 3, "right")]
+    [Docking(0, "back", 1, "front"), Docking(1, "left", 2, "front"), Docking(1, "back", 3, "front")]
 )
 ASSEMBLER = Assembler(ARENA, SCOUT)
 

@@ -112,24 +112,11 @@ def test_a_module_may_sink_in_or_ride_up_a_little_but_stands_on_no_other(check: 
 
 @pytest.mark.parametrize(
     ("tail", "yaw", "expected"),
-    [
-        (0.01, 0, False),
-        (0.04, 0, False),
-        (0.06, 0, True),
-        (0.06, 45, False),
-        (0.06, -45, False),
-        (0.08, 45, True),
-    ],
+    [(0.04, 0, False), (0.06, 0, True), (0.06, 45, False), (0.06, -45, False), (0.08, 45, True)],
 )
 def test_a_corner_that_is_not_yet_beyond_the_edge_is_no_success(check: World, tail, yaw, expected):
     """What must be beyond is a cube of 0.1 m in the module, so a turned one must have gone farther."""
     assert stands(check, *lay(tail, rotation=turn("z", yaw))) is expected
-
-
-def test_one_module_left_behind_is_no_success(check: World):
-    position, rotation = lay(tail=0.12)
-    position[2, 0] = -FAR_EDGE - 0.1
-    assert not stands(check, position, rotation)
 
 
 def test_what_is_measured_of_a_body(check: World):
@@ -153,10 +140,6 @@ def test_no_module_makes_progress_beyond_the_finish(check: World):
     assert some.compute_mean_along()[0] == pytest.approx(finish + 0.2 / 3)
     whole = find_state(check, [[finish + 0.2, 0, 0.3], [finish + 0.1, 0, 0.3], [finish + 0.01, 0, 0.3]])
     assert whole.progress[0] == pytest.approx(finish)
-
-
-def test_a_body_without_hinges_needs_no_power():
-    assert find_state(find_world(1), [[0.0, 0.0, 0.3]]).power[0] == 0.0
 
 
 @pytest.mark.parametrize(("tail", "expected"), [(0.07, True), (0.06, False)])
@@ -297,10 +280,12 @@ def test_what_is_within_the_limits_has_left_nothing_and_touched_nothing(bottomle
         assert not touches(bottomless, position, rotation)
 
 
-def test_a_pit_with_a_floor_may_be_touched(check: World):
+def test_a_pit_with_a_floor_may_be_touched_and_a_way_without_one_has_none(check: World):
     position, rotation = lay(tail=0.12, height=HALF)
     position[2, 0] = 0.0
     assert not touches(check, position, rotation)
+    world = find_world(arena="truth", start=(-2.9, 0.0), goal=(-2.1, 0.0), bottomless=True)
+    assert not touches(world, *lay(tail=0.3, height=0.0))
 
 
 @pytest.mark.parametrize(
@@ -340,8 +325,3 @@ def test_criteria_grow_with_the_module():
     assert twice.ground_band == pytest.approx((0.04, 0.15))
     assert (twice.corner, twice.speed_slack, twice.touch_band) == pytest.approx((0.1, 0.1, 0.02))
     assert SuccessCriteria.of(find_world().organism.scout) == SuccessCriteria()
-
-
-def test_a_way_without_a_pit_has_no_abyss():
-    world = find_world(arena="truth", start=(-2.9, 0.0), goal=(-2.1, 0.0), bottomless=True)
-    assert not touches(world, *lay(tail=0.3, height=0.0))

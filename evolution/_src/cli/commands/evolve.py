@@ -78,7 +78,7 @@ class Evolve(SeededCommand):
     """Search for bodies of this many modules at least and at most (one number: both); each learns its controller."""
     algorithm: Literal[ALGORITHMS] = ev.BodiesConfig.algorithm  # pyright: ignore[reportInvalidTypeForm]
     """How --bodies are searched."""
-    population: int | None = None
+    population_size: int | None = None
     """Genotypes of a generation, or new bodies of an iteration of --bodies. Default: 12, or 9 bodies."""
     trials: int | None = None
     """Trials of each genotype of one body. Default: 3."""
@@ -116,7 +116,7 @@ class Evolve(SeededCommand):
         if self.bodies is None:
             if self.algorithm != ev.BodiesConfig.algorithm:
                 raise UsageError("--algorithm is of a search for bodies; give --bodies MIN MAX")
-            fields |= own | {"population_size": self.population, "generations": self.generations}
+            fields |= own | {"population_size": self.population_size, "generations": self.generations}
             return ev.EvolutionConfig(**_drop_absent(fields))
         given = next(iter(_drop_absent(own)), None)
         if given:
@@ -127,7 +127,7 @@ class Evolve(SeededCommand):
             raise UsageError("--bodies: give MIN MAX, for example --bodies 1 8; or one number for both")
         sizes = {"smallest": self.bodies[0], "largest": self.bodies[-1], "algorithm": self.algorithm}
         # the first iteration is no longer than others
-        sizes |= {"children": self.population, "population_size": self.population}
+        sizes |= {"children": self.population_size, "population_size": self.population_size}
         fields |= {"bodies": ev.BodiesConfig(**_drop_absent(sizes)), "iterations": self.generations}
         if self.bodies[0] == 1:
             fields["environment"] = {"track_control": "skid"} | fields["environment"]

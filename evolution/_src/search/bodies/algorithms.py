@@ -32,7 +32,6 @@ from evolution._src.search.bodies.genome import (
     enumerate_bodies,
     make_random_body,
     mutate,
-    parse_genome,
 )
 
 CANDIDATES = 30  # Children bred for each that learns, of which the prediction chooses
@@ -192,7 +191,7 @@ class _Results(NamedTuple):
 @lru_cache(maxsize=20_000)
 def describe_shape(text: str) -> Float[np.ndarray, " 7"]:
     """Return the shape of a body by its canonical text, everything in numbers or lengths of modules."""
-    body = parse_genome(text)
+    body = BodyGenome.parse(text)
     poses = body.to_organism().compute_poses()
     places = np.array([(pose.x, pose.y) for pose in poses]) / body.to_organism().scout.size[0]
     along = sum(abs(np.cos(pose.heading)) > _ALONG for pose in poses)

@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from evolution._src.errors import RunError
+from evolution._src.references import MAX_MODULES
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.body_plans import organism_to_text
 from symbrion_gym._src.robot.organism import Docking, Organism
@@ -41,7 +42,7 @@ class BodyGenome:
         is_mirrored: what hangs on the left hangs on the right, too, as its mirror image; `right` is None then.
 
     Raises:
-        RunError: a mirrored module has a limb of its own on the right, or none on the left.
+        RunError: a limb is no genome; a mirrored module has a limb of its own on the right, or none on the left.
     """
 
     back: BodyGenome | None = None
@@ -50,10 +51,28 @@ class BodyGenome:
     is_mirrored: bool = False
 
     def __post_init__(self) -> None:
+        for socket in SOCKETS:
+            limb = getattr(self, socket)
+            if limb is not None and not isinstance(limb, BodyGenome):
+                raise RunError(
+                    f"{socket}={limb!r} is no BodyGenome; BodyGenome.parse('b(b(.)m(.))') reads a text"
+                )
         if self.is_mirrored and (self.left is None or self.right is not None):
             raise RunError(
                 "a mirrored module repeats its left limb on the right; give it a left limb and none on the right"
             )
+
+    @classmethod
+    def parse(cls, text: str) -> BodyGenome:
+        """Return the genome that a text describes, as `text` writes it.
+
+        Raises:
+            RunError: it describes none.
+        """
+        genome = _parse(iter(text)) if isinstance(text, str) and text.count("(") < MAX_MODULES else None
+        if genome is None or genome.text != text:
+            raise RunError(f"cannot read the genome {text!r}; one such as 'b(b(.)m(.))' is needed")
+        return genome
 
     @property
     def limbs(self) -> Iterator[tuple[str, BodyGenome]]:
@@ -170,14 +189,6 @@ def make_row(num_modules: int) -> BodyGenome:
     for _ in range(num_modules - 1):
         row = BodyGenome(back=row)
     return row
-
-
-def parse_genome(text: str) -> BodyGenome:
-    """Return the genome that a text describes, as `BodyGenome.text` writes it."""
-    genome = _parse(iter(text))
-    if genome.text != text:
-        raise RunError(f"cannot read the genome {text!r}; one such as 'b(b(.)m(.))' is needed")
-    return genome
 
 
 def _parse(letters: Iterator[str]) -> BodyGenome:

@@ -19,6 +19,7 @@ from symbrion_gym._src.environment.warp.state import Episode
 from symbrion_gym._src.environment.warp.tick import DeviceRun, RunState
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.registration import KnowsLimits
 
 _MOST_AT_ONCE = 32  # Simulations of the host in which starts are laid down
 _DRIVEN = slice(4, None, 6)  # What drives, of surface velocities: the rate of a geom about the lateral axis
@@ -141,7 +142,7 @@ class DeviceBatch(WarpBatch):
         return found
 
 
-class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
+class DeviceVectorEnv(KnowsLimits, VectorEnv[Any, Any, Any]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """Many `OrganismEnv` at once of which nothing but starts is on the host; see the page on GPUs.
 
     Simulation i begins at start i, modulo their number, which is that of an `OrganismEnv` with seed `seed + i`. An
@@ -225,7 +226,7 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         for name, values in starts.domains.items():
             own = np.where(mask, values[numbers], np.float32(0.0))
             info |= {name: jax.device_put(own, device), f"_{name}": where}
-        return convert((state.episode.observation, info), self.array)
+        return self._hand_out((state.episode.observation, info))
 
     def _count_starts(self, options: Mapping[str, Any]) -> int:
         """Return how many starts are drawn; one where nothing is random."""
@@ -256,7 +257,18 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         episode, fields = self._starts
         self._state, found, stale, numbers = self._run.finish(self._state, commanded, physics, episode)
         self.batch.begin(fields, stale, numbers)
-        return convert(found, self.array)
+        return self._hand_out(found)
+
+    def _hand_out(self, found: tuple[Any, ...]) -> Any:
+        """Return what `reset` or `step` does, in arrays of the wanted library, with words for the reasons."""
+        words, info = self._host.episodes.reasons.words, found[-1]
+        ends = [each for each in (info, info.get("final_info")) if each is not None]
+        numbers = [each.pop("reason") for each in ends]
+        found = convert(found, self.array)
+        ends = [found[-1], found[-1].get("final_info")]
+        for each, number in zip(ends, numbers, strict=False):
+            each["reason"] = Words(words, number)
+        return found
 
     def find_running(self) -> Any:
         """Return which simulations have an episode that has not ended, as an array of JAX."""
@@ -265,6 +277,22 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
     def close_extras(self, **kwargs: Any) -> None:
         """Say whether contacts were dropped."""
         self.batch.warn_of_overflow()
+
+
+class Words:
+    """Words by their numbers on a device: an array of text, which is copied from there when it is read."""
+
+    def __init__(self, words: np.ndarray, numbers: Int[jax.Array, " N"]) -> None:
+        self._words, self._numbers = words, numbers
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return self._words[np.asarray(self._numbers)].astype(dtype or self._words.dtype, copy=False)
+
+    def __getitem__(self, index: Any) -> Any:
+        return np.asarray(self)[index]
+
+    def __len__(self) -> int:
+        return len(self._numbers)
 
 
 def find_jax_device(device: Any) -> Any:

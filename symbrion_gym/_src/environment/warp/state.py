@@ -131,7 +131,7 @@ class DeviceState:
         self.previous_progress, self.tick = episode.progress, episode.tick + 1.0
         self.time, self.middle = self.tick * self.dt, self.position.mean(axis=1)
         self.memory = dict(episode.memory)
-        self.success = self.failed = jnp.zeros(self.num, dtype=bool)
+        self.success = self.failed = self.ended = jnp.zeros(self.num, dtype=bool)
         self.is_sound = (jnp.abs(self.qvel) < self.criteria.max_rate).all(axis=1)
         x, y, z = (self.position[:, :, i] for i in range(3))
         (c, s), is_along_x = self.route.direction, self._scene.is_along_x

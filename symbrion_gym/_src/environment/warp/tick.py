@@ -25,12 +25,13 @@ class DeviceTick:
 
     def __init__(self, world: World, episodes: Episodes, num: int, max_ticks: int | None) -> None:
         self._world, self._task, self._dt = world, world.task, world.config.dt
-        self._commands, self._max_ticks = Commands(world), max_ticks
+        self._commands, self._reasons = Commands(world), episodes.reasons
         self._observer, self._reckoning = episodes.observer, episodes.reckoning
         self._state = DeviceState(world, num)
         hold_time = self._state.criteria.hold_time
         self._hold_ticks = max(1, int(np.ceil(hold_time / self._dt - 1e-9)))
-        self._last_tick = round(world.task.duration / self._dt)
+        last_tick = round(world.task.duration / self._dt)
+        self._last_tick = last_tick if max_ticks is None else min(last_tick, max_ticks)
 
     def command(self, episode: Episode, actions: Float[jax.Array, "N A"]) -> tuple[Episode, jax.Array, Any]:
         """Take actions; what is no number leaves the action as it was.
@@ -56,8 +57,6 @@ class DeviceTick:
         state = self._state.look(episode, physics)
         held, flags, terminated, truncated = self._judge(state, episode)
         gained = self._reward(state, terminated | truncated)
-        if self._max_ticks is not None:
-            truncated |= (state.tick > self._max_ticks - 0.5) & ~terminated
         head = jnp.where(state.is_sound, state.along[:, 0], state.start_mean)
         numbers = [head, state.progress - state.start_progress, state.time, *gained]
         episode = episode._replace(
@@ -65,7 +64,6 @@ class DeviceTick:
             tick=state.tick,
             was_ahead=state.was_ahead,
             held=held,
-            memory=state.memory,
             numbers=jnp.stack([*numbers, state.lowest, state.least_up], axis=1),
             flags=flags,
         )
@@ -87,6 +85,9 @@ class DeviceTick:
         }
         if "goal" in self._observer.structure:
             own["goal"] = find_goal(state)
+        seen: Any = state
+        own |= {each.name: each.read(seen) for each in self._observer.sensors}
+        episode = episode._replace(memory=state.memory)
         if self._reckoning is not None:
             believed = self._reckoning.move(episode.believed, rotation, speed * self._dt, jnp)
             headed, own["goal_direction"] = self._reckoning.pass_places(believed, episode.headed, jnp)
@@ -111,10 +112,14 @@ class DeviceTick:
         has_arrived = self._task.goal.has_arrived(state) & ~failed
         held = jnp.where(has_arrived, episode.held + 1.0, 0.0)
         success = held >= self._hold_ticks
-        state.failed, state.success = failed, success
         terminated = is_over | success
+        state.failed, state.success, state.ended = failed, success, terminated | is_cut
         flags = jnp.stack([success, ~state.is_sound, *found], axis=1)
         return held, flags, terminated, is_cut & ~terminated
+
+    def find_reason(self, episode: Episode) -> Int[jax.Array, " N"]:
+        """Return the numbers of the words for why episodes ended; 0 of those that go on."""
+        return self._reasons.find(episode.flags.T, episode.tick >= self._last_tick, jnp)
 
     def _reward(self, state: Any, has_ended: jax.Array) -> list[Any]:
         """Return the terms of the reward, in their order."""
@@ -226,7 +231,8 @@ class DeviceRun:
         numbers, flags = self._names
         info: dict[str, Any] = dict(zip(numbers, episode.numbers.T, strict=True))
         info |= dict(zip(flags, episode.flags.T, strict=True))
-        return info | {f"_{name}": mask for name in (*numbers, *flags)}
+        info["reason"] = self._tick.find_reason(episode)
+        return info | {f"_{name}": mask for name in (*numbers, *flags, "reason")}
 
 
 def _begin(episode: Episode, starts: Episode, mask: jax.Array, numbers: jax.Array) -> Episode:

@@ -6,7 +6,7 @@ import pytest
 from evolution._src.search.bodies import algorithms
 from evolution._src.search.bodies.algorithms import LevelResult, Prediction, SurrogateSearch, describe_shape
 from evolution._src.search.bodies.config import BodiesConfig, LearningConfig
-from evolution._src.search.bodies.genome import enumerate_bodies, parse_genome
+from evolution._src.search.bodies.genome import BodyGenome, enumerate_bodies
 
 BODIES = [body for count in range(1, 5) for body in enumerate_bodies(count)]
 
@@ -29,7 +29,7 @@ def test_the_shape_of_a_known_body():
 
 def test_what_is_known_is_predicted_and_what_is_far_is_uncertain():
     prediction = Prediction([make_result(body, score(body)) for body in BODIES[:10]], 1)
-    mean, spread = prediction.predict([*BODIES[:10], parse_genome("b(b(b(.)))")])
+    mean, spread = prediction.predict([*BODIES[:10], BodyGenome.parse("b(b(b(.)))")])
     assert mean[:10] == pytest.approx([score(body) for body in BODIES[:10]], abs=0.3)
     assert spread[-1] > spread[:10].max()
 

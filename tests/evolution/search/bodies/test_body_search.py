@@ -13,10 +13,10 @@ from evolution._src.controllers.oscillators import TWIST_GENES
 from evolution._src.errors import RunError
 from evolution._src.report.body_page import make_body_page
 from evolution._src.search.bodies.config import ALGORITHMS
-from evolution._src.search.bodies.genome import enumerate_bodies, parse_genome
+from evolution._src.search.bodies.genome import BodyGenome, enumerate_bodies
 from evolution._src.search.loop import evolve, load_run, resume
 
-BEST = parse_genome("b(b(.)m(.))")
+BEST = BodyGenome.parse("b(b(.)m(.))")
 """The best body of the made landscape."""
 LEARNING = ev.LearningConfig(population_size=4, levels=(1, 2, 4), exam_trials=2)
 BODIES = ev.BodiesConfig(algorithm="surrogate", largest=6, children=6, population_size=6)

@@ -15,7 +15,6 @@ from evolution._src.search.bodies.genome import (
     make_random_body,
     make_row,
     mutate,
-    parse_genome,
 )
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Docking, Organism, snake
@@ -26,7 +25,7 @@ TEXTS = [".", "b(.)", "l(.)r(b(.))", "b(m(b(.)))", "b(b(l(.)))m(b(.))", "b(b(b(.
 
 @pytest.mark.parametrize("text", TEXTS)
 def test_a_genome_survives_text_and_being_mirrored_twice(text):
-    genome = parse_genome(text)
+    genome = BodyGenome.parse(text)
     assert genome.text == text
     assert genome.mirror().mirror() == genome
     assert genome.mirror().canonical_text == genome.canonical_text == genome.develop().canonical_text
@@ -34,10 +33,13 @@ def test_a_genome_survives_text_and_being_mirrored_twice(text):
     assert genome.num_modules == genome.develop().num_modules == genome.to_organism().num_modules
 
 
-@pytest.mark.parametrize("text", ["", "b", "b(.", "b()", "b(.)b(.)", "l(.)b(.)", "m(.)r(.)", "b(.)x", ".."])
+@pytest.mark.parametrize(
+    "text", ["", "b", "b(.", "b()", "b(.)b(.)", "l(.)b(.)", "m(.)r(.)", "b(.)x", "..", "b(" * 5000, 3]
+)
 def test_what_is_no_genome_is_refused(text):
-    with pytest.raises(RunError, match=r"genome|mirrored"):
-        parse_genome(text)
+    for make in (BodyGenome.parse, BodyGenome):
+        with pytest.raises(RunError, match=r"[gG]enome|mirrored"):
+            make(text)
 
 
 def test_a_mirrored_module_repeats_its_left_limb_on_the_right():
@@ -49,7 +51,7 @@ def test_a_mirrored_module_repeats_its_left_limb_on_the_right():
 
 
 def test_a_snake_hangs_on_the_back_of_its_head():
-    genome = parse_genome("b(b(.))")
+    genome = BodyGenome.parse("b(b(.))")
     assert genome == make_row(3)
     assert genome.to_plan() == "SBSFSBSF00000000"
     ends = [{frozenset(each.ends) for each in body.dockings} for body in (genome.to_organism(), snake(3))]
@@ -57,14 +59,14 @@ def test_a_snake_hangs_on_the_back_of_its_head():
 
 
 def test_overlap_is_found():
-    ring = parse_genome("l(l(l(l(.))))")
+    ring = BodyGenome.parse("l(l(l(l(.))))")
     assert not is_possible(ring)
     with pytest.raises(OrganismError, match="overlap"):
         ring.to_organism()
 
 
 def test_limbs_are_found_and_replaced_and_paths_into_nothing_refused():
-    genome = parse_genome("b(l(.))m(.)")
+    genome = BodyGenome.parse("b(l(.))m(.)")
     assert genome.find_paths() == [(), ("back",), ("back", "left"), ("left",)]
     assert genome.find_limb(("back", "left")) == ONE
     assert genome.replace_limb(("back", "left"), None).text == "b(.)m(.)"
@@ -135,7 +137,7 @@ def test_what_cannot_be_listed_is_refused(num_modules):
     ],
 )
 def test_operators_do_what_their_names_say(operator, parent, children):
-    found = {child.text for child in OPERATORS[operator](parse_genome(parent))}
+    found = {child.text for child in OPERATORS[operator](BodyGenome.parse(parent))}
     assert found - {parent} == children - {parent}
 
 
@@ -154,7 +156,7 @@ def test_where_nothing_can_change_the_parent_is_returned():
 
 
 def test_crossover_takes_limbs_of_both():
-    rng, parents = np.random.default_rng(1), (parse_genome("b(.)"), parse_genome("l(r(.))"))
+    rng, parents = np.random.default_rng(1), (BodyGenome.parse("b(.)"), BodyGenome.parse("l(r(.))"))
     assert {cross_over(*parents, rng, (1, 8)).text for _ in range(50)} == {"b(l(r(.)))", "b(r(.))"}
 
 

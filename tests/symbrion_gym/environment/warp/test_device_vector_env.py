@@ -74,7 +74,10 @@ def test_automatic_resets_follow_the_same_rules(mode, times):
             assert _all_begin(observation, begun)
         else:
             np.testing.assert_allclose(info["time"], time * envs.config.dt, atol=1e-6)
+            ended = tick >= 4 and mode != "SameStep"
+            assert set(np.asarray(info["reason"])) == {"timeout" if ended and time > 4 else ""}
         if "final_obs" in info and tick == 4:
+            assert info["final_info"]["reason"][0] == "timeout"
             assert np.asarray(info["_final_obs"]).all()
             assert _all_begin(observation, begun)
             assert not _all_begin(info["final_obs"], begun)
