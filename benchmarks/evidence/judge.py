@@ -57,7 +57,8 @@ class Casts:
     def measure_heights(self, places: np.ndarray, group: int, top: float = 50.0) -> np.ndarray:
         """Return the height of the ground at (x, y) [m]; nan where there is none."""
         origins = np.column_stack([places, np.full(len(places), top)])
-        return top - self.cast(origins, np.tile([0.0, 0.0, -1.0], (len(places), 1)), group)
+        found = self.cast(origins, np.tile([0.0, 0.0, -1.0], (len(places), 1)), group)
+        return np.where(np.isfinite(found), top - found, np.nan)
 
 
 def judge_beams(

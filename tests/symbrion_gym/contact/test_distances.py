@@ -77,16 +77,12 @@ def test_faces_without_area_do_not_matter():
     faces = np.concatenate([[[0, 0, 1]], SLAB.faces])
     flat = trimesh.Trimesh(SLAB.vertices, faces, process=False)
     points = np.array([[0.0, 0.0, 0.5], [2.0, 1.0, -0.05]])
-    assert find_signed_nearest(points, flat).heights == pytest.approx(
-        find_signed_nearest(points, SLAB).heights
-    )
+    heights = [find_signed_nearest(points, each).heights for each in (flat, SLAB)]
+    assert heights[0] == pytest.approx(heights[1])
 
 
 def test_depths_in_two_overlapping_boxes():
-    pieces = [
-        trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]]),
-        trimesh.creation.box(bounds=[[0.5, 0, 0], [1.5, 1, 1]]),
-    ]
+    pieces = [trimesh.creation.box(bounds=[[x, 0, 0], [x + 1, 1, 1]]) for x in (0.0, 0.5)]
     points = np.array([[0.2, 0.5, 0.5], [0.75, 0.5, 0.5], [0.9, 0.5, 0.5], [2, 0.5, 0.5], [0, 0.5, 0.5]])
     assert compute_depths(points, pieces) == pytest.approx([0.2, 0.25, 0.4, 0.0, 0.0])
     assert len(compute_depths(points[:0], pieces)) == 0

@@ -11,15 +11,10 @@ from symbrion_gym._src.contact.simplification import snap_to_planes
 
 def make_grid(heights) -> trimesh.Trimesh:
     """Return a sheet over unit squares, its heights along x."""
-    x, y = np.meshgrid(np.arange(len(heights)), np.arange(3), indexing="ij")
-    vertices = np.stack([x, y, np.broadcast_to(np.asarray(heights)[:, None], x.shape)], axis=-1).reshape(
-        -1, 3
-    )
-    corner = (np.arange(len(heights) - 1)[:, None] * 3 + np.arange(2)).ravel()
-    faces = np.concatenate(
-        [np.stack([corner, corner + 3, corner + 4], 1), np.stack([corner, corner + 4, corner + 1], 1)]
-    )
-    return trimesh.Trimesh(vertices.astype(float), faces, process=False)
+    vertices = [(x, y, height) for x, height in enumerate(heights) for y in range(3)]
+    corner = (np.arange(len(heights) - 1)[:, None] * 3 + np.arange(2)).reshape(-1, 1)
+    faces = np.concatenate([corner + np.array(each) for each in ([0, 3, 4], [0, 4, 1])])
+    return trimesh.Trimesh(np.array(vertices, float), faces, process=False)
 
 
 def count_patches(mesh: trimesh.Trimesh, tolerance: float = 0.01) -> int:
@@ -59,12 +54,8 @@ def test_a_valley_of_two_triangles_is_not_bridged():
 
 def test_vertices_that_planes_would_move_far_stay():
     sheet = make_grid([0.0, 0.0, 0.0])
-    planes = Planes(
-        np.array([[0.0, 0.0, 1.0], [0.0, 0.02, 0.9998]]),
-        np.array([0.0, 0.001]),
-        np.array([0, 0, 1, 1, 0, 0, 1, 1]),
-        0.0,
-    )
+    normals, labels = np.array([[0.0, 0.0, 1.0], [0.0, 0.02, 0.9998]]), np.array([0, 0, 1, 1, 0, 0, 1, 1])
+    planes = Planes(normals, np.array([0.0, 0.001]), labels, 0.0)
     moved = snap_to_planes(sheet, planes, tolerance=0.01)
     steps = np.linalg.norm(moved.vertices - sheet.vertices, axis=1)
     assert steps.max() <= 0.03

@@ -40,19 +40,13 @@ def make_squares(heights: list[float]) -> tuple[trimesh.Trimesh, Planes]:
     return mesh, Planes(normals, np.array(heights), labels, 0.0)
 
 
-def test_level_squares_at_almost_one_height_get_their_mean_height():
-    mesh, planes = make_squares([0.0, 0.001, 0.0])
+@pytest.mark.parametrize(("height", "offsets"), [(0.001, [0.001 / 3] * 3), (0.01, [0.0, 0.01, 0.0])])
+def test_level_squares_get_their_mean_height_unless_a_step_is_above_the_tolerance(height, offsets):
+    mesh, planes = make_squares([0.0, height, 0.0])
     shared = share_planes(mesh, planes, 0.003)
-    assert np.allclose(shared.normals[0], [0.0, 0.0, 1.0])
-    assert shared.offsets == pytest.approx(np.full(3, 0.001 / 3), abs=1e-9)
+    assert np.allclose(shared.normals, [0.0, 0.0, 1.0])
+    assert shared.offsets == pytest.approx(np.array(offsets), abs=1e-9)
     assert np.array_equal(shared.labels, planes.labels)
-
-
-def test_a_step_above_the_tolerance_stays():
-    mesh, planes = make_squares([0.0, 0.01, 0.0])
-    shared = share_planes(mesh, planes, 0.003)
-    assert shared.offsets[1] == pytest.approx(0.01)
-    assert shared.offsets[0] == shared.offsets[2] == pytest.approx(0.0)
 
 
 def test_sides_that_face_away_from_each_other_stay_apart():

@@ -57,6 +57,20 @@ def test_cut_coplanar_pieces_overlap_afterwards(ground):
     assert mended[1].bounds[0, 0] < -0.02
 
 
+def test_a_low_step_stays_where_it_is():
+    left = [(-3.3, -0.2), (-3.3, 0.005), (0.0, 0.005), (0.0, -0.2)]
+    pieces = extrude(left, [(0.0, -0.2), (0.0, 0.0), (3.3, 0.0), (3.3, -0.2)])
+    assert find_change(pieces, close_seams(pieces, Elevation(*pieces))) < 1e-3
+
+
+def test_a_cut_off_corner_of_the_rim_stays(ground):
+    outline = ((-3.3, -1.0), (3.3, -1.0), (3.3, 0.7), (3.0, 1.0), (-3.3, 1.0))
+    floor = make_hull(np.array([(x, y, z) for x, y in outline for z in (-0.2, 0.0)]))
+    assert floor is not None
+    kept = close_seams([floor, *extrude(WEDGE)], Elevation(floor))[0]
+    assert kept.volume == pytest.approx(floor.volume)
+
+
 def test_a_course_becomes_boxes(ground):
     pieces = extrude(FLOOR, WEDGE, mirror(WEDGE))
     parts = split_at_creases(pieces, 16)
@@ -85,21 +99,25 @@ def clear(pieces):
     return clear_hidden_edges(list(pieces), Elevation(COURSE.surface()))
 
 
-def test_ends_at_a_crest_lie_beneath_the_other_plane_by_the_clearance():
+def test_ends_at_a_crest_lie_beneath_the_other_plane_by_the_clearance_and_those_at_walls_stay():
     clearance = seams._CLEARANCE
-    _, block, ramp, *_ = clear(COURSE.pieces())
+    floor, block, ramp, *others = clear(COURSE.pieces())
     crest = COURSE.pit / 2 + COURSE.plateau
     # The ramp falls by 1 in 4: its plane is z = 0.25 - (x - crest) / 4, sideways shorter by sqrt(17) / 4.
     assert block.bounds[1, 0] == pytest.approx(crest - clearance * np.sqrt(17.0), abs=1e-5)
     assert ramp.bounds[1, 2] == pytest.approx(COURSE.height - clearance, abs=1e-5)
+    assert block.bounds[0, 0] == COURSE.pit / 2
+    assert np.array_equal(floor.vertices, COURSE.pieces()[0].vertices)
+    assert len(others) == 2
+    assert all(find_box(piece) is not None for piece in (floor, block, ramp, *others)), "boxes stay boxes"
 
 
-def test_ends_at_walls_stay_and_boxes_stay_boxes():
-    cleared = clear(COURSE.pieces())
-    assert len(cleared) == 5
-    assert all(find_box(piece) is not None for piece in cleared)
-    assert cleared[1].bounds[0, 0] == COURSE.pit / 2
-    assert np.array_equal(cleared[0].vertices, COURSE.pieces()[0].vertices)
+@pytest.mark.parametrize(
+    "ramp", [[(0.7, 0.25), (1.7, 0.23), (1.7, 0.0)], [(0.7, 0.245), (0.9, 0.045), (0.9, 0.0)]]
+)
+def test_ends_stay_where_planes_hardly_bend_and_above_a_step(ramp):
+    block = [(0.2, 0.0), (0.2, 0.25), (0.7, 0.25), (0.7, 0.0)]
+    assert clear(extrude(block, [(0.7, 0.0), *ramp]))[0].bounds[1, 0] == 0.7
 
 
 def test_a_piece_beneath_others_is_left_out():
@@ -108,6 +126,8 @@ def test_a_piece_beneath_others_is_left_out():
     assert len(clear([*pieces, hidden])) == 5
     doubled = clear([*pieces, pieces[2]])
     assert len(doubled) == 5  # of two equal ones, one is kept
+    plate = [(-1.0, 0.0), (-1.0, 0.01), (1.0, 0.01), (1.0, 0.0)]
+    assert len(clear(extrude(FLOOR, plate))) == 2  # a centimeter is ground
 
 
 def test_the_ground_is_lowered_by_no_more_than_a_body_feels():

@@ -100,7 +100,7 @@ def test_noisy_scan_lines_far_apart_make_one_sheet(units: int) -> None:
 def test_thin_bodies_are_closed_along_their_sharp_rim(seed: int) -> None:
     vertices = np.asarray(SPHERE.vertices) * [1.0, 1.0, 0.15]
     lens = trimesh.Trimesh(vertices, SPHERE.faces, process=False)
-    _, topology = _grow(sample_mesh(lens, 20000, 0.002, seed), 800, seed)
+    _, topology = _grow(sample_mesh(lens, 20000, 0.002, seed), 1000, seed)
     assert (topology.euler_number, topology.boundary_loops, topology.components) == (2, 0, 1)
 
 

@@ -12,6 +12,7 @@ from symbrion_gym._src.environment.warp.tick import DeviceTick
 from symbrion_gym._src.environment.world import Physics
 
 NUM = 4
+RANDOM = {"friction": (0.5, 0.9), "yaw": (-0.1, 0.1), "track_speed": (0.08, 0.12)}
 CLOSE = 1e-5
 """Of numbers that are all below 100, in single precision."""
 

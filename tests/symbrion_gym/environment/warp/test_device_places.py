@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import trimesh
-from device_beside_host import Both, run
+from device_beside_host import RANDOM, Both, run
 
 import symbrion_gym as sg
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
@@ -19,7 +19,6 @@ from symbrion_gym._src.tasks.state import HostArrays
 
 SENSES = ("pitch", "goal", "goal_direction")
 DRIVEN = {"track_control": "skid", "sensors": SENSES}
-RANDOM = {"friction": (0.5, 0.9), "yaw": (-0.1, 0.1), "track_speed": (0.08, 0.12)}
 
 
 def test_places_are_reached_in_turn_as_on_the_host():

@@ -3,17 +3,18 @@
 from functools import partial
 from typing import Any
 
+import jax
 import mujoco
 import numpy as np
 import pytest
-from device_beside_host import Both, run
+from device_beside_host import NUM, RANDOM, Both, run
+from gymnasium.vector import AutoresetMode
 
 from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.warp.tick import DeviceRun
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.robot.scout_constants import SENSORS
 from symbrion_gym._src.tasks.terms import Termination
-
-RANDOM = {"friction": (0.5, 0.9), "yaw": (-0.1, 0.1), "track_speed": (0.08, 0.12)}
 
 
 def test_every_sensor_reads_as_on_the_host():
@@ -73,6 +74,16 @@ def test_an_unstable_simulation_ends_as_on_the_host():
     both.envs.batch.bind("qvel")[1, 0] = 1e4
     both.step(np.zeros(both.envs.action_space.shape), unstable=1)
     assert both.info["diverged"].tolist() == [False, True, False, False]
+
+
+def test_noise_stays_within_the_bounds():
+    both = Both(modules=2, pit=0.0, noise=100.0)
+    episodes = both.host.episodes
+    noisy = DeviceRun(both.envs.world, episodes, NUM, None, AutoresetMode.DISABLED)
+    seen = noisy._add_noise(both.episode.observation, jax.random.key(0))
+    low, high = map(np.float32, (episodes.observer.low, episodes.observer.high))
+    np.testing.assert_array_equal(seen, np.clip(seen, low, high))
+    assert (seen == low).any()
 
 
 def count_low(state: Any) -> Any:

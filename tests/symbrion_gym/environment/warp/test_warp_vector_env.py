@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from device_beside_host import RANDOM as LEVEL
 from gymnasium.vector import AutoresetMode
 
 from symbrion_gym._src.environment.making import make_vector_env
@@ -11,13 +12,7 @@ pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
 pytestmark = pytest.mark.slow
 
 NUM = 4
-RANDOM = {
-    "friction": (0.5, 0.9),
-    "torque_scale": (0.9, 1.1),
-    "start_offset": (-0.05, 0.05),
-    "yaw": (-0.1, 0.1),
-    "track_speed": (0.08, 0.12),
-}
+RANDOM = {"torque_scale": (0.9, 1.1), "start_offset": (-0.05, 0.05), **LEVEL}
 
 
 def make(backend, **options):
