@@ -46,7 +46,7 @@ def test_a_ready_organism_keeps_what_no_option_names():
         ),
         ({"friction": 1e6}, "friction must be a number from 0.001 to 5"),
         ({"track_speed": 100}, "track_speed must be a number from 0 to 2"),
-        ({"hinge_torque": 1e3}, "hinge_torque must be a number from 0.001 to 50"),
+        ({"hinge_torque": 1e3}, "hinge_torque must be a number from 0.001 to 100"),
         ({"track_control": "skids"}, "constant, body, modules, skid"),
     ],
 )
