@@ -33,6 +33,7 @@ BARS = {
     "turning, lone module": Bar("turning", "off_share", 10.0, "%", 100, ("1 modules",)),
     "turning, 2-4 modules": Bar("turning", "off_share", 10.0, "%", 100, lacking=("1 modules", _SLOW, _FINE)),
     "turning, 2-4 modules, steps of 1 ms": Bar("turning", "off_share", 10.0, "%", 100, (_FINE,)),
+    "turning, 3 modules at 0.01 m/s": Bar("turning", "off_share", 10.0, "%", 100, ("3 modules", _SLOW)),
     "energy": Bar("energy", "residual", 2.0, "%", 100),
     "rest, flat ground": Bar("rest", "speed", 0.1, "mm/s", 1000, ("still", "slope 0")),
     "rest, slopes of 10° and 20°": Bar("rest", "speed", 0.1, "mm/s", 1000, ("still",), ("slope 0",)),
