@@ -1,6 +1,6 @@
 """Laws of physics: what the simulated robot does against closed-form theory, row by row.
 
-python -m benchmarks.physics [--quick] [--only NAME ...] [--more] [--theory]
+python -m benchmarks.physics [--quick] [--only NAME ...] [--more]
 
 Rows are written one by one; `--more` keeps those of the present code's last run and measures only what is missing.
 `python docs/physics_pictures.py` draws them.
@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.material.physics_bars import find_bars
-from benchmarks.material.physics_contact import compare_champions, compare_crossings, measure_step_ratio
+from benchmarks.material.physics_bars import find_bars, format_table
 from benchmarks.material.physics_energy import (
     measure_creep,
     measure_depths,
     measure_energy,
+    measure_sinking,
     measure_twitching,
 )
 from benchmarks.material.physics_laws import (
@@ -45,79 +45,60 @@ from benchmarks.material.physics_theory import (
     find_tipping_limit,
 )
 from benchmarks.material.physics_wheels import compute_turning_rate, find_step_limit, make_contacts
-from benchmarks.material.physics_worlds import IMPRATIOS, World
+from benchmarks.material.physics_worlds import World
 from benchmarks.report import Results
-from symbrion_gym._src.environment.config import CONTACTS
+from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.robot.belts import compute_load_gain, compute_sliding_rate
+from symbrion_gym._src.robot.tracks import CONTACT_TIME, compute_friction_stiffness
 
-TRACKS = ("spheres", "wheels", "cylinders")
-STEADY = {"wheel_armature": 0.004}
-"""Wheels with joints whose motors are heavy enough that they do not tremble [kg m²]."""
-FIRM = {"contact_time": 0.004}
-"""Contacts of the robot that give way less, with steps of half that time [s]."""
 FRICTIONS = (0.3, 0.5, 0.7, 0.9)
 TORQUES = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 8.0)
 """Hinge torques of a snake at the gap [N m]."""
-Row = tuple[str, Callable[..., dict[str, Any]]]
-"""Name of a row of a law, and what measures it; given what was simulated, it compares that."""
+Row = tuple[str, Callable[[], dict[str, Any]]]
+"""Name of a row of a law, and what measures it."""
 
 
 def list_slopes() -> Iterator[Row]:
-    """Yield slopes climbed by snakes of 8, against atan(friction), and by a lone module, against tipping over."""
-    for contact in CONTACTS:
-        base = World(modules=8, contact=contact)
-        for tracks in TRACKS:
-            for friction in FRICTIONS:
-                yield _slope(replace(base, tracks=tracks, friction=friction))
-        yield _slope(base, heading=45.0)
-        for timestep in (0.001, 0.01):
-            yield _slope(replace(base, timestep=timestep))
-        for modules in (2, 4):
-            yield _slope(replace(base, modules=modules))
-        for tracks in TRACKS:
-            yield _slope(replace(base, modules=1, tracks=tracks))
-        for tracks in TRACKS[1:]:
-            for friction in FRICTIONS:
-                yield _slope(replace(base, tracks=tracks, friction=friction, scout=STEADY))
-            yield _slope(replace(base, modules=1, tracks=tracks, scout=STEADY))
+    """Yield slopes climbed by snakes, against atan(friction), and by a lone module, against tipping over."""
+    base = World(modules=8)
+    for friction in FRICTIONS:
+        yield _slope(replace(base, friction=friction))
+    yield _slope(base, heading=45.0)
+    for timestep in (0.001, 0.01):
+        yield _slope(replace(base, timestep=timestep))
+    for modules in (1, 2, 4):
+        yield _slope(replace(base, modules=modules))
 
 
 def _slope(world: World, heading: float = 0.0) -> Row:
-    def measure(known: float | None = None) -> dict[str, Any]:
+    def measure() -> dict[str, Any]:
         limits = [find_slope_limit(world.friction)]
         if world.modules == 1:
             limits.append(find_tipping_limit(world.organism.scout))
         theory = float(np.degrees(min(limits)))
-        return _compare(measure_slope_limit(world, heading) if known is None else known, theory)
+        return _compare(measure_slope_limit(world, heading), theory)
 
     return f"{_name(world)}{_name_scout(world)}, heading {heading:.0f}°", measure
 
 
 def list_gaps() -> Iterator[Row]:
-    """Yield gaps that straight snakes cross, against the statics of the chain, by torque, length, friction, tracks."""
+    """Yield gaps that straight snakes cross, against the statics of the chain, by torque, length, friction, speed."""
     for torque in TORQUES:
         for modules in (4, 6, 8) if torque in (1.0, 2.0, 4.5, 8.0) else (8,):
             yield _gap(World(modules=modules, scout={"hinge_torque": torque}))
     base = World(modules=8, scout={"hinge_torque": 4.5})
-    for friction in (0.3, 0.5, 0.9):
+    for friction in (0.3, 0.34, 0.4, 0.5, 0.9):
         yield _gap(replace(base, friction=friction))
     for speed in (0.02, 0.1, 0.15):
         yield _gap(base, speed)
     yield _gap(replace(base, timestep=0.001))
-    yield _gap(replace(base, contact="elliptic"))
-    for tracks in TRACKS[1:]:
-        yield _gap(replace(base, tracks=tracks))
     yield _gap(replace(base, scout={"hinge_torque": 4.5, "track_radius": 0.01}))
-    for friction in (0.34, 0.4):
-        yield _gap(replace(base, friction=friction))
     stiff = {"hinge_torque": 4.5, "hinge_stiffness": 240.0, "hinge_derivative": 12.0}
     yield _gap(replace(base, friction=0.3, scout=stiff))
-    for speed in (0.02, 0.1):
-        yield _gap(World(modules=8, scout={"hinge_torque": 3.5}), speed)
 
 
 def _gap(world: World, speed: float = GAP_SPEED) -> Row:
-    def measure(known: float | None = None) -> dict[str, Any]:
+    def measure() -> dict[str, Any]:
         organism = world.organism
         more = {
             "sharp": find_gap_limit(organism, is_round=False),
@@ -125,10 +106,7 @@ def _gap(world: World, speed: float = GAP_SPEED) -> Row:
             "torque": organism.scout.hinge_torque,
             "modules": world.modules,
         }
-        return (
-            _compare(measure_gap_limit(world, speed) if known is None else known, find_gap_limit(organism))
-            | more
-        )
+        return _compare(measure_gap_limit(world, speed), find_gap_limit(organism)) | more
 
     return (
         f"{_name(world)}, torque {world.scout['hinge_torque']} N m{_name_scout(world)}{_name_speed(speed)}",
@@ -140,12 +118,7 @@ def _name_speed(speed: float) -> str:
     return "" if speed == GAP_SPEED else f", speed {speed} m/s"
 
 
-_CONSTANTS = {
-    "track_radius": "radius {} m",
-    "hinge_stiffness": "servo {} N m/rad",
-    "wheel_armature": "armature {} kg m²",
-    "contact_time": "contact {} s",
-}
+_CONSTANTS = {"track_radius": "radius {} m", "hinge_stiffness": "servo {} N m/rad"}
 """Constants of a module that rows vary -> their words."""
 
 
@@ -157,65 +130,50 @@ def _name_scout(world: World) -> str:
 
 def list_steps() -> Iterator[Row]:
     """Yield steps that a lone module climbs, against the statics of its wheels at the edge."""
-    for contact in CONTACTS:
-        for tracks in TRACKS:
-            for friction in FRICTIONS:
-                yield _step(World(tracks=tracks, friction=friction, contact=contact))
+    for friction in FRICTIONS:
+        yield _step(World(friction=friction))
     yield _step(World(timestep=0.001))
-    for friction in FRICTIONS:
-        for contact in CONTACTS:
-            yield _step(World(tracks="capsules", friction=friction, contact=contact))
-    for friction in FRICTIONS:
-        yield _step(World(friction=friction, timestep=0.002, contact="elliptic", scout=FIRM))
 
 
 def _step(world: World) -> Row:
-    def measure(known: float | None = None) -> dict[str, Any]:
-        return _compare(
-            measure_step_limit(world) if known is None else known, find_step_limit(world.organism.scout)
-        )
+    def measure() -> dict[str, Any]:
+        return _compare(measure_step_limit(world), find_step_limit(world.organism.scout))
 
     return f"{_name(world)}{_name_scout(world)}", measure
 
 
 def list_turns() -> Iterator[Row]:
     """Yield rates of turning on the spot, against points of Coulomb friction that bear what the contacts' law says."""
-    for contact in CONTACTS:
-        for tracks in TRACKS:
-            for modules in (1, 2, 3, 4):
-                yield _turn(World(modules=modules, tracks=tracks, contact=contact))
-        for friction in (0.3, 0.9):
-            yield _turn(World(modules=3, friction=friction, contact=contact))
-        yield _turn(World(modules=3, timestep=0.001, contact=contact))
-        for modules in (1, 3):
-            yield _turn(World(modules=modules, contact=contact), 0.01)
-    for tracks in TRACKS[1:]:
-        for modules in (1, 2, 3, 4):
-            yield _turn(World(modules=modules, tracks=tracks, contact="elliptic", scout=STEADY))
+    for modules in (1, 2, 3, 4):
+        yield _turn(World(modules=modules))
+    for friction in (0.3, 0.9):
+        yield _turn(World(modules=3, friction=friction))
+    for modules in (2, 3, 4):
+        yield _turn(World(modules=modules, timestep=0.001))
+    for modules in (1, 3):
+        yield _turn(World(modules=modules), 0.01)
 
 
 def _turn(world: World, speed: float = TURN_SPEED) -> Row:
-    def measure(known: float | None = None) -> dict[str, Any]:
+    def measure() -> dict[str, Any]:
         contacts = make_contacts(world.organism, speed)
         points, belts = contacts.points, contacts.belts
-        rate = compute_sliding_rate(contacts, compute_load_gain(world.friction, IMPRATIOS[world.contact]))
+        rate = compute_sliding_rate(
+            contacts,
+            compute_load_gain(world.friction, compute_friction_stiffness(world.modules), CONTACT_TIME),
+        )
         even = compute_turning_rate(points, np.ones(len(points)), belts)
         corners = np.isin(points[:, 0], (points[:, 0].min(), points[:, 0].max()))
         least = compute_turning_rate(points[corners], np.ones(int(corners.sum())), belts[corners])
-        return _compare(measure_turning_rate(world, speed) if known is None else known, rate) | {
-            "even": even,
-            "corners": least,
-        }
+        return _compare(measure_turning_rate(world, speed), rate) | {"even": even, "corners": least}
 
     return f"{_name(world)}{_name_scout(world)}, {speed} m/s", measure
 
 
 def list_energies() -> Iterator[Row]:
     """Yield energy balances of a snake of 8 that drives up a slope of 10° while a wave runs through its hinges."""
-    for contact in CONTACTS:
-        for tracks in TRACKS:
-            for timestep in (0.005, 0.001) if tracks == "spheres" else (0.005,):
-                yield _energy(World(modules=8, tracks=tracks, timestep=timestep, contact=contact))
+    for timestep in (0.005, 0.001):
+        yield _energy(World(modules=8, timestep=timestep))
 
 
 def _energy(world: World) -> Row:
@@ -230,46 +188,40 @@ def _energy(world: World) -> Row:
 
 def list_rests() -> Iterator[Row]:
     """Yield creep of a snake of 8 with its tracks off: hinges still, and hinges twitching in opposite phase."""
-    for contact in CONTACTS:
-        for timestep in (0.005, 0.001):
-            world = World(modules=8, timestep=timestep, contact=contact)
-            for slope in (0.0, 10.0, 20.0):
-                yield (
-                    f"still, {_name(world)}, slope {slope:.0f}°",
-                    lambda world=world, slope=slope: {"speed": measure_creep(world, np.radians(slope))},
-                )
-            for height, frequency in ((0.1, 0.5), (0.3, 0.1), (0.3, 0.5), (0.3, 1.0)):
-                yield (
-                    f"twitching, {_name(world)}, {height} rad, {frequency} Hz",
-                    lambda world=world, height=height, frequency=frequency: {
-                        "per cycle": measure_twitching(world, height, frequency)
-                    },
-                )
+    for timestep in (0.005, 0.001):
+        world = World(modules=8, timestep=timestep)
+        for slope in (0.0, 10.0, 20.0):
+            yield _still(world, slope)
+    for modules in (1, 2, 4):
+        yield _still(World(modules=modules), 20.0)
+    world = World(modules=8)
+    for height, frequency in ((0.1, 0.5), (0.3, 0.1), (0.3, 0.5), (0.3, 1.0)):
+        yield (
+            f"twitching, {_name(world)}, {height} rad, {frequency} Hz",
+            lambda height=height, frequency=frequency: {
+                "per cycle": measure_twitching(world, height, frequency)
+            },
+        )
+
+
+def _still(world: World, slope: float) -> Row:
+    def measure() -> dict[str, Any]:
+        return {"speed": measure_creep(world, np.radians(slope))}
+
+    return f"still, {_name(world)}, slope {slope:.0f}°", measure
 
 
 def list_touches() -> Iterator[Row]:
     """Yield depths of modules that hinges at full torque press into each other."""
-    for contact in CONTACTS:
-        for modules in (5, 6, 8):
-            world = World(modules=modules, contact=contact)
-            yield (
-                _name(world),
-                lambda world=world: {k: float(v) for k, v in measure_depths(world)._asdict().items()},
-            )
-            firm = replace(world, timestep=0.002, scout=FIRM)
-            yield (
-                f"{_name(firm)}{_name_scout(firm)}",
-                lambda world=firm: {k: float(v) for k, v in measure_depths(world)._asdict().items()},
-            )
+    for modules in (5, 6, 8):
+        world = World(modules=modules)
+        yield _name(world), lambda world=world: measure_depths(world)._asdict()
 
 
-def list_prices() -> Iterator[Row]:
-    """Yield what elliptic contacts cost, and what changes in crossings and champions."""
-    yield "time of a step, gsrm", lambda: {"ratio": measure_step_ratio("gsrm", 7)}
-    yield "time of a step, truth", lambda: {"ratio": measure_step_ratio("truth", 7)}
-    for pit in (0.30, 0.35):
-        yield f"crossings, pit {pit:.2f} m", lambda pit=pit: compare_crossings(30, pit)
-    yield "champions", lambda: compare_champions(4)
+def list_sinkings() -> Iterator[Row]:
+    """Yield how deep snakes of 8 sink into the course, driven at random, over all frictions that are allowed."""
+    for friction in (FRICTION_LIMITS[0], 0.3, 0.7, 1.5, 3.0, FRICTION_LIMITS[1]):
+        yield f"friction {friction:g}", lambda friction=friction: measure_sinking(friction)._asdict()
 
 
 def list_published() -> Iterator[Row]:
@@ -296,37 +248,32 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "energy": list_energies,
     "rest": list_rests,
     "touching": list_touches,
+    "sinking": list_sinkings,
     "published": list_published,
-    "price": list_prices,
 }
 
 
-def run(
-    quick: bool = False, only: tuple[str, ...] = (), more: bool = False, theory: bool = False
-) -> dict[str, Any]:
-    """Measure, print, store and return the rows.
+def run(quick: bool = False, only: tuple[str, ...] = (), more: bool = False) -> dict[str, Any]:
+    """Measure, print, store and return the rows, and print the table of targets.
 
     Args:
         quick: only every eighth row of each law.
         only: names of laws; all by default.
         more: keep the rows that are there.
-        theory: keep what was simulated in the rows that are there, and compare it again; only where the simulation's
-            models are the same to the bit.
     """
     results = Results("physics")
     for part in only or PARTS:
-        old = dict(results.content.get(part, {}))
-        found = dict(old) if more else {}
+        found = dict(results.content.get(part, {})) if more else {}
         for name, measure in list(PARTS[part]())[:: 8 if quick else 1]:
             if name in found:
                 continue
             start = time.process_time()
-            known = (old[name]["simulated"],) if theory and "simulated" in old.get(name, {}) else ()
-            found[name] = measure(*known)
+            found[name] = measure()
             seconds = time.process_time() - start
             print(f"{part}: {name}: {_format(found[name])} ({seconds:.1f} s)", flush=True)
             results.put(part, found)
     results.put("bars", find_bars(results.content))
+    print(format_table(results.content["bars"]))
     return results.content
 
 
@@ -342,7 +289,7 @@ def _compare(simulated: float, theory: float) -> dict[str, Any]:
 
 def _name(world: World) -> str:
     milliseconds = 1000 * world.timestep
-    return f"{world.contact}, {world.tracks}, {world.modules} modules, friction {world.friction}, {milliseconds:.0f} ms"
+    return f"{world.modules} modules, friction {world.friction}, {milliseconds:.0f} ms"
 
 
 def _format(row: dict[str, Any]) -> str:
@@ -362,11 +309,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="every eighth row")
     parser.add_argument("--only", nargs="*", default=[], choices=list(PARTS), help="laws (default: all)")
     parser.add_argument("--more", action="store_true", help="keep the rows that are there")
-    parser.add_argument(
-        "--theory", action="store_true", help="compare what was simulated again, with the present theory"
-    )
     options = parser.parse_args()
-    run(options.quick, tuple(options.only), options.more, options.theory)
+    run(options.quick, tuple(options.only), options.more)
 
 
 if __name__ == "__main__":

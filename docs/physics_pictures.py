@@ -23,63 +23,24 @@ from reconstruction._src.base.atomic_write import write_atomically
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results" / "physics.json"
 FRICTIONS = (0.3, 0.5, 0.7, 0.9)
-COLORS = {"spheres": "#1f5f8b", "wheels": "#c2762b", "cylinders": "#5b8c3a", "capsules": "#8a4f9e"}
-MARKERS = {"spheres": "o", "wheels": "s", "cylinders": "^", "capsules": "D"}
+COLOR = "#1f5f8b"
 THEORY = "#444444"
 MODULE_COLORS = {4: "#c2762b", 6: "#5b8c3a", 8: "#1f5f8b"}
-STEADY = ", armature 0.004 kg m²"
 CREEP_BAR, DEPTH_BAR = 0.1, 1.0
 """Bars [mm/s] and [mm]."""
-LEAST_CREEP = 1e-4
-"""Lowest creep drawn [mm/s]."""
 
 
 def draw_slopes(rows: dict[str, Any]) -> None:
-    """Draw the steepest slope by friction, and on headings along and across the axes of the world."""
-    figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.0), width_ratios=[3, 2], layout="constrained")
+    """Draw the steepest slope by friction, straight up and along the diagonal of the world's axes."""
+    figure, axis = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
     curve = np.linspace(0.2, 1.0, 100)
-    axes[0].plot(curve, np.degrees(np.arctan(curve)), color=THEORY, label="theory: atan(friction)")
-    for shift, tracks in zip((-0.012, 0.0, 0.012), ("spheres", "wheels", "cylinders"), strict=True):
-        for contact, fill in (("pyramidal", COLORS[tracks]), ("elliptic", "none")):
-            names = [f"{contact}, {tracks}, 8 modules, friction {mu}, 5 ms, heading 0°" for mu in FRICTIONS]
-            found = [rows[name]["simulated"] for name in names]
-            axes[0].plot(
-                np.array(FRICTIONS) + shift, found, MARKERS[tracks], mfc=fill, mec=COLORS[tracks], ms=6,
-                label=f"{tracks}, {contact}",
-            )  # fmt: skip
-    for tracks in ("wheels", "cylinders"):
-        names = [
-            f"pyramidal, {tracks}, 8 modules, friction {mu}, 5 ms{STEADY}, heading 0°" for mu in FRICTIONS
-        ]
-        found = [rows[name]["simulated"] for name in names]
-        axes[0].plot(FRICTIONS, found, "x", color=COLORS[tracks], ms=7, label=f"{tracks}, heavier motors")
-    axes[0].set(xlabel="friction", ylabel="steepest slope climbed [°]", title="8 modules, straight up")
-    axes[0].legend(fontsize=8)
-    marks = {"pyramidal": "o", "elliptic": "D"}
-    for contact, mark in marks.items():
-        found = [
-            rows[f"{contact}, spheres, 8 modules, friction 0.7, 5 ms, heading {heading}°"]["simulated"]
-            for heading in (0, 45)
-        ]
-        axes[1].plot(
-            (0, 45),
-            found,
-            mark,
-            ms=8,
-            color=COLORS["spheres" if contact == "pyramidal" else "cylinders"],
-            label=contact,
-        )
-    heading = np.radians(np.linspace(0, 45, 50))
-    pyramid = np.degrees(np.arctan(0.7 / (np.cos(heading) + np.sin(heading))))
-    axes[1].axhline(np.degrees(np.arctan(0.7)), color=THEORY, label="theory: atan(0.7)")
-    axes[1].plot(np.degrees(heading), pyramid, color=THEORY, ls=":", label="friction pyramid")
-    axes[1].set(
-        xlabel="heading against the world's axes [°]",
-        xlim=(-4, 49),
-        ylim=(22, 38),
-        title="friction 0.7, spheres",
-    )
-    axes[1].legend(fontsize=8, loc="lower left")
+    axis.plot(curve, np.degrees(np.arctan(curve)), color=THEORY, label="theory: atan(friction)")
+    names = [f"8 modules, friction {mu}, 5 ms, heading 0°" for mu in FRICTIONS]
+    axis.plot(FRICTIONS, [rows[name]["simulated"] for name in names], "o", color=COLOR, label="straight up")
+    diagonal = rows["8 modules, friction 0.7, 5 ms, heading 45°"]["simulated"]
+    axis.plot(0.7, diagonal, "D", mfc="none", mec="#c2762b", ms=10, label="along the diagonal")
+    axis.set(xlabel="friction", ylabel="steepest slope climbed [°]", title="8 modules")
+    axis.legend(fontsize=8)
     _save(figure, "physics-slope.png")
 
 
@@ -93,9 +54,8 @@ def draw_gaps(rows: dict[str, Any]) -> None:
         axis.plot(torques, [100 * limit for limit in limits], color=color, label=label)
         picked = [
             row for name, row in rows.items()
-            if row["modules"] == modules and name.startswith("pyramidal, spheres") and "friction 0.7, 5 ms" in name
-            and "radius" not in name
-            and "speed" not in name
+            if row["modules"] == modules and "friction 0.7, 5 ms" in name
+            and not any(word in name for word in ("radius", "speed", "servo"))
         ]  # fmt: skip
         axis.plot(
             [row["torque"] for row in picked],
@@ -119,178 +79,56 @@ def draw_gaps(rows: dict[str, Any]) -> None:
 
 def draw_steps(rows: dict[str, Any]) -> None:
     """Draw the highest step that a lone module climbs by friction."""
-    figure, axis = plt.subplots(figsize=(7.5, 4.2), layout="constrained")
+    figure, axis = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
     curve = np.linspace(0.2, 0.9, 36)
-    for tracks, style, words in (("spheres", "-", "radius 20 mm"), ("cylinders", "--", "radius 11 mm")):
-        limits = [
-            1000 * find_step_limit(World(tracks=tracks, friction=float(mu)).organism.scout) for mu in curve
-        ]
-        axis.plot(curve, limits, style, color=THEORY, label=f"theory, wheels of {words}")
-    for shift, tracks in zip((-0.008, 0.008, 0.0, 0.0), COLORS, strict=True):
-        found = [
-            1000 * rows[f"pyramidal, {tracks}, 1 modules, friction {mu}, 5 ms"]["simulated"]
-            for mu in FRICTIONS
-        ]
-        label = "cylinders' place and radius, as capsules" if tracks == "capsules" else tracks
-        axis.plot(
-            np.array(FRICTIONS) + shift, found, MARKERS[tracks], color=COLORS[tracks], ms=6, label=label
-        )
-    axis.set(xlabel="friction", ylabel="highest step climbed [mm]", ylim=(0, 10.5))
+    limits = [1000 * find_step_limit(World(friction=float(mu)).organism.scout) for mu in curve]
+    axis.plot(curve, limits, color=THEORY, label="theory")
+    found = [1000 * rows[f"1 modules, friction {mu}, 5 ms"]["simulated"] for mu in FRICTIONS]
+    axis.plot(FRICTIONS, found, "o", color=COLOR, label="simulated")
+    axis.set(xlabel="friction", ylabel="highest step climbed [mm]", ylim=(0, 11))
     axis.legend(fontsize=8, loc="upper left")
     _save(figure, "physics-step.png")
 
 
 def draw_turns(rows: dict[str, Any]) -> None:
     """Draw the rate of turning by the number of modules, with belts against each other."""
-    figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.0), sharey=True, layout="constrained")
+    figure, axis = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
     modules = (1, 2, 3, 4)
-    for axis, contact in zip(axes, ("pyramidal", "elliptic"), strict=True):
-        for tracks, style in (("spheres", "-"), ("cylinders", "--")):
-            picked = [
-                rows[f"{contact}, {tracks}, {n} modules, friction 0.7, 5 ms, 0.05 m/s"] for n in modules
-            ]
-            axis.plot(
-                modules,
-                [row["theory"] for row in picked],
-                style,
-                color=THEORY,
-                label=f"theory, {'radius 20 mm' if tracks == 'spheres' else 'radius 11 mm'}",
-            )
-            if tracks == "spheres":
-                axis.plot(
-                    modules,
-                    [row["corners"] for row in picked],
-                    ":",
-                    color=THEORY,
-                    label="four corners bear all",
-                )
-                axis.plot(
-                    modules, [row["even"] for row in picked], "-.", color=THEORY, lw=0.8, label="equal loads"
-                )
-        for tracks in ("spheres", "wheels", "cylinders"):
-            picked = [
-                rows[f"{contact}, {tracks}, {n} modules, friction 0.7, 5 ms, 0.05 m/s"] for n in modules
-            ]
-            axis.plot(
-                modules,
-                [row["simulated"] for row in picked],
-                MARKERS[tracks],
-                color=COLORS[tracks],
-                label=tracks,
-            )
-        for tracks in ("wheels", "cylinders") if contact == "elliptic" else ():
-            picked = [
-                rows[f"{contact}, {tracks}, {n} modules, friction 0.7, 5 ms{STEADY}, 0.05 m/s"]
-                for n in modules
-            ]
-            axis.plot(
-                modules,
-                [row["simulated"] for row in picked],
-                MARKERS[tracks],
-                mfc="none",
-                mec=COLORS[tracks],
-                ms=9,
-                label=f"{tracks}, heavier motors",
-            )
-            axis.legend(fontsize=8)
-        axis.set(xlabel="modules", title=f"{contact} contacts", yscale="log", xticks=modules)
-    axes[0].set_ylabel("rate of turning [rad/s]")
-    axes[0].legend(fontsize=8)
+    picked = [rows[f"{n} modules, friction 0.7, 5 ms, 0.05 m/s"] for n in modules]
+    for figure_name, style, label in (
+        ("theory", "-", "theory"), ("corners", ":", "four corners bear all"), ("even", "-.", "equal loads"),
+    ):  # fmt: skip
+        axis.plot(modules, [row[figure_name] for row in picked], style, color=THEORY, lw=1, label=label)
+    axis.plot(modules, [row["simulated"] for row in picked], "o", color=COLOR, label="simulated, 5 ms")
+    fine = [rows[f"{n} modules, friction 0.7, 1 ms, 0.05 m/s"]["simulated"] for n in modules[1:]]
+    axis.plot(modules[1:], fine, "x", color="#c2762b", label="simulated, 1 ms")
+    axis.set(xlabel="modules", ylabel="rate of turning [rad/s]", yscale="log", xticks=modules)
+    axis.legend(fontsize=8)
     _save(figure, "physics-turning.png")
-
-
-def draw_energies(rows: dict[str, Any]) -> None:
-    """Draw what each robot was given and where it went."""
-    figure, axis = plt.subplots(figsize=(9.0, 4.0), layout="constrained")
-    kinds = {
-        "hinges": "#1f5f8b",
-        "tracks": "#7fb0d0",
-        "stored": "#5b8c3a",
-        "sliding": "#c2762b",
-        "impact": "#b0413e",
-        "damping": "#8a4f9e",
-    }
-    for place, row in enumerate(rows.values()):
-        for shift, group in ((-0.2, ("hinges", "tracks")), (0.2, ("stored", "sliding", "impact", "damping"))):
-            below = 0.0
-            for kind in group:
-                axis.bar(
-                    place + shift,
-                    row[kind],
-                    0.36,
-                    bottom=below,
-                    color=kinds[kind],
-                    label=kind if place == 0 else None,
-                )
-                below += row[kind]
-        top = row["hinges"] + row["tracks"]
-        axis.text(place, top + 0.15, f"{100 * row['residual']:.2f} %", ha="center", fontsize=8)
-    words = [name.split(", ") for name in rows]
-    axis.set_xticks(range(len(rows)), [f"{each[1]}\n{each[0]}\n{each[4]}" for each in words], fontsize=8)
-    axis.set(
-        ylabel="energy [J]",
-        ylim=(0, 10),
-        title="left: work of the motors; right: where it went; above: what is missing",
-    )
-    axis.legend(fontsize=8, ncols=6, loc="upper center")
-    _save(figure, "physics-energy.png")
 
 
 def draw_rests(rows: dict[str, Any], touches: dict[str, Any]) -> None:
     """Draw creep at rest, and how deep modules press into each other."""
-    figure, axes = plt.subplots(1, 3, figsize=(11, 3.8), layout="constrained")
-    slopes, frequencies = (0, 10, 20), (0.1, 0.5, 1.0)
-    for shift, (contact, color) in zip(
-        (-0.2, 0.2), (("pyramidal", "#1f5f8b"), ("elliptic", "#5b8c3a")), strict=True
-    ):
-        name = f"{contact}, spheres, 8 modules, friction 0.7, 5 ms"
-        creep = [max(1000 * rows[f"still, {name}, slope {slope}°"]["speed"], LEAST_CREEP) for slope in slopes]
-        axes[0].bar(np.arange(3) + shift, creep, 0.38, color=color, label=contact, bottom=0)
-        cycle = [1000 * rows[f"twitching, {name}, 0.3 rad, {f} Hz"]["per cycle"] for f in frequencies]
-        axes[1].bar(np.arange(3) + shift, cycle, 0.38, color=color)
-        picked = [touches[f"{contact}, spheres, {n} modules, friction 0.7, 5 ms"] for n in (5, 6, 8)]
-        axes[2].bar(
-            np.arange(3) + shift, [1000 * each["between_modules"] for each in picked], 0.38, color=color
-        )
-        worst = [1000 * each["worst_between_modules"] for each in picked]
-        axes[2].plot(
-            np.arange(3) + shift,
-            worst,
-            "_",
-            color="k",
-            ms=14,
-            label="worst while closing" if shift < 0 else None,
-        )
-        firm = [
-            touches[f"{contact}, spheres, {n} modules, friction 0.7, 2 ms, contact 0.004 s"]
-            for n in (5, 6, 8)
-        ]
-        axes[2].plot(
-            np.arange(3) + shift,
-            [1000 * each["worst_between_modules"] for each in firm],
-            "x" if shift < 0 else "+",
-            color="k",
-            ms=7,
-            label=f"worst, firm, {contact}",
-        )
-    axes[0].axhline(CREEP_BAR, color=THEORY, ls="--", label="bar")
-    axes[0].set(
-        yscale="log",
-        ylim=(LEAST_CREEP / 2, 2),
-        ylabel="creep [mm/s]",
-        xlabel="slope [°]",
-        title="hinges still, tracks off",
-    )
-    axes[0].set_xticks(range(3), slopes)
+    figure, axes = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")
+    name, places = "8 modules, friction 0.7, 5 ms", range(3)
+    creep = [1000 * rows[f"still, {name}, slope {slope}°"]["speed"] for slope in (0, 10, 20)]
+    axes[0].bar(places, creep, color=COLOR)
+    axes[0].axhline(CREEP_BAR, color=THEORY, ls="--", label="target")
+    axes[0].set(ylabel="creep [mm/s]", xlabel="slope [°]", title="hinges still, tracks off")
+    axes[0].set_xticks(places, (0, 10, 20))
+    cycle = [1000 * rows[f"twitching, {name}, 0.3 rad, {f} Hz"]["per cycle"] for f in (0.1, 0.5, 1.0)]
+    axes[1].bar(places, cycle, color=COLOR)
     axes[1].set(ylabel="moved in a cycle [mm]", xlabel="frequency [Hz]", title="hinges twitching by 0.3 rad")
-    axes[1].set_xticks(range(3), frequencies)
-    axes[2].axhline(DEPTH_BAR, color=THEORY, ls="--")
-    axes[2].set(
-        yscale="log", ylabel="depth [mm]", xlabel="modules, curled up", title="modules pressed together"
-    )
-    axes[2].set_xticks(range(3), (5, 6, 8))
-    axes[0].legend(fontsize=8, loc="upper left")
-    axes[2].legend(fontsize=8, loc="upper left")
+    axes[1].set_xticks(places, (0.1, 0.5, 1.0))
+    picked = [touches[f"{n} modules, friction 0.7, 5 ms"] for n in (5, 6, 8)]
+    axes[2].bar(places, [1000 * each["between_modules"] for each in picked], color=COLOR, label="at rest")
+    worst = [1000 * each["worst_between_modules"] for each in picked]
+    axes[2].plot(places, worst, "_", color="k", ms=14, label="worst while closing")
+    axes[2].axhline(DEPTH_BAR, color=THEORY, ls="--", label="target")
+    axes[2].set(ylabel="depth [mm]", xlabel="modules, curled up", title="modules pressed together")
+    axes[2].set_xticks(places, (5, 6, 8))
+    axes[0].legend(fontsize=8)
+    axes[2].legend(fontsize=8)
     _save(figure, "physics-rest.png")
 
 
@@ -307,7 +145,6 @@ def main() -> None:
     draw_gaps(rows["gap"])
     draw_steps(rows["step"])
     draw_turns(rows["turning"])
-    draw_energies(rows["energy"])
     draw_rests(rows["rest"], rows["touching"])
 
 

@@ -2,145 +2,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 Rows = dict[str, dict[str, Any]]
 
-BARS: dict[str, tuple[str, str, Callable[[str], bool]]] = {
-    "slope, spheres": (
-        "slope",
-        "off",
-        lambda name: _has(name, "spheres", "heading 0") and not _is_lone(name),
-    ),
-    "slope, wheels": (
-        "slope",
-        "off",
-        lambda name: _has(name, "wheels") and not _is_lone(name) and not _is_steady(name),
-    ),
-    "slope, cylinders": (
-        "slope",
-        "off",
-        lambda name: _has(name, "cylinders") and not _is_lone(name) and not _is_steady(name),
-    ),
-    "slope, steady wheels": ("slope", "off", lambda name: _is_steady(name) and not _is_lone(name)),
-    "slope, lone module, steady wheels": ("slope", "off", lambda name: _is_steady(name) and _is_lone(name)),
-    "slope, diagonal, pyramidal": ("slope", "off", lambda name: _has(name, "pyramidal", "heading 45")),
-    "slope, diagonal, elliptic": ("slope", "off", lambda name: _has(name, "elliptic", "heading 45")),
-    "slope, lone module": ("slope", "off", lambda name: _has(name, "spheres") and _is_lone(name)),
-    "gap": ("gap", "off_share", lambda name: True),
-    "gap, explained rows apart": (
-        "gap",
-        "off_share",
-        lambda name: (
-            not _has(name, "torque 3.5") and (not _has(name, "friction 0.3,") or _has(name, "servo"))
-        ),
-    ),
-    "gap, friction 0.3": (
-        "gap",
-        "off_share",
-        lambda name: _has(name, "friction 0.3,") and not _has(name, "servo"),
-    ),
-    "gap, 8 modules, 4.5 N m": ("gap", "off_share", lambda name: _has(name, ", 8 modules", "torque 4.5")),
-    "gap, spheres, 2 to 8 N m": (
-        "gap",
-        "off_share",
-        lambda name: (
-            _has(name, "spheres", "friction 0.7") and not any(f"torque {t} " in name for t in (0.5, 1.0, 1.5))
-        ),
-    ),
-    "step, friction 0.5 to 0.9": (
-        "step",
-        "off_share",
-        lambda name: (
-            not _has(name, "friction 0.3") and not _has(name, "cylinders") and not _has(name, "capsules")
-        ),
-    ),
-    "step, friction 0.3": (
-        "step",
-        "off_share",
-        lambda name: (
-            _has(name, "friction 0.3") and not _has(name, "cylinders") and not _has(name, "capsules")
-        ),
-    ),
-    "step, cylinders": ("step", "off_share", lambda name: _has(name, "cylinders", "pyramidal")),
-    "step, capsules": ("step", "off_share", lambda name: _has(name, "capsules")),
-    "step, capsules, friction 0.5 to 0.9, pyramidal": (
-        "step",
-        "off_share",
-        lambda name: _has(name, "capsules", "pyramidal") and not _has(name, "friction 0.3"),
-    ),
-    "turning, lone module": ("turning", "off_share", lambda name: _has(name, "spheres", ", 1 modules")),
-    "turning, 2 to 4 modules, pyramidal": (
-        "turning",
-        "off_share",
-        lambda name: _has(name, "spheres", "pyramidal", "0.05 m") and not _is_lone(name),
-    ),
-    "turning, 2 to 4 modules, elliptic, 5 ms": (
-        "turning",
-        "off_share",
-        lambda name: _has(name, "spheres", "elliptic", "5 ms", "0.05 m") and not _is_lone(name),
-    ),
-    "turning, 2 to 4 modules, elliptic, 1 ms or 0.01 m/s": (
-        "turning",
-        "off_share",
-        lambda name: _has(name, "spheres", "elliptic") and (_has(name, " 1 ms") or _has(name, "0.01 m")),
-    ),
-    "turning, elliptic, wheels and cylinders": (
-        "turning",
-        "off_share",
-        lambda name: _has(name, "elliptic") and not _has(name, "spheres") and not _is_steady(name),
-    ),
-    "turning, steady wheels": (
-        "turning",
-        "off_share",
-        lambda name: _has(name, "wheels") and _is_steady(name),
-    ),
-    "turning, steady cylinders": (
-        "turning",
-        "off_share",
-        lambda name: _has(name, "cylinders") and _is_steady(name),
-    ),
-    "energy": ("energy", "residual", lambda name: True),
-    "creep, pyramidal": ("rest", "speed", lambda name: _has(name, "still", "pyramidal")),
-    "creep, elliptic": ("rest", "speed", lambda name: _has(name, "still", "elliptic")),
-    "creep on flat ground": ("rest", "speed", lambda name: _has(name, "still", "slope 0")),
-    "twitching, pyramidal": ("rest", "per cycle", lambda name: _has(name, "twitching", "pyramidal", "5 ms")),
-    "twitching, elliptic": ("rest", "per cycle", lambda name: _has(name, "twitching", "elliptic", "5 ms")),
-    "depth between modules": ("touching", "between_modules", lambda name: True),
-    "depth between modules, closing": (
-        "touching",
-        "worst_between_modules",
-        lambda name: not _has(name, "contact"),
-    ),
-    "depth between modules, closing, firm": (
-        "touching",
-        "worst_between_modules",
-        lambda name: _has(name, "contact"),
-    ),
-    "published drives, friction 0.7": ("published", "misses", lambda name: _has(name, "friction 0.7")),
-    "published drives, friction 150": ("published", "misses", lambda name: _has(name, "friction 150")),
+
+class Bar(NamedTuple):
+    """A line of the table: the largest of a figure counts."""
+
+    law: str  # whose rows
+    figure: str  # of a row
+    target: float  # in its unit
+    unit: str
+    scale: float = 1.0  # from the row's figure to the unit
+    having: tuple[str, ...] = ()  # words in the names of its rows
+    lacking: tuple[str, ...] = ()  # words that are in none
+
+
+_SLOW, _FINE = ", 0.01 m/s", " 1 ms"
+BARS = {
+    "slope, straight up": Bar("slope", "off", 1.0, "°", having=("heading 0",), lacking=("1 modules",)),
+    "slope, along the diagonal": Bar("slope", "off", 1.0, "°", having=("heading 45",)),
+    "slope, a lone module tips over": Bar("slope", "off", 1.0, "°", having=("1 modules",)),
+    "gap": Bar("gap", "off_share", 5.0, "%", 100, lacking=("friction 0.3,", "torque 3.5")),
+    "gap, friction 0.3": Bar("gap", "off_share", 5.0, "%", 100, ("friction 0.3,",), ("servo",)),
+    "gap, friction 0.3, stiffer servo": Bar("gap", "off_share", 5.0, "%", 100, ("friction 0.3,", "servo")),
+    "gap, torque beside a jump": Bar("gap", "off_share", 5.0, "%", 100, ("torque 3.5",)),
+    "step, friction 0.5-0.9": Bar("step", "off_share", 10.0, "%", 100, lacking=("friction 0.3", _FINE)),
+    "step, friction 0.3": Bar("step", "off_share", 10.0, "%", 100, ("friction 0.3",)),
+    "turning, lone module": Bar("turning", "off_share", 10.0, "%", 100, ("1 modules",)),
+    "turning, 2-4 modules": Bar("turning", "off_share", 10.0, "%", 100, lacking=("1 modules", _SLOW, _FINE)),
+    "turning, 2-4 modules, steps of 1 ms": Bar("turning", "off_share", 10.0, "%", 100, (_FINE,)),
+    "turning, 3 modules at 0.01 m/s": Bar("turning", "off_share", 10.0, "%", 100, ("3 modules", _SLOW)),
+    "energy": Bar("energy", "residual", 2.0, "%", 100),
+    "rest, flat ground": Bar("rest", "speed", 0.1, "mm/s", 1000, ("still", "slope 0")),
+    "rest, slopes of 10° and 20°": Bar("rest", "speed", 0.1, "mm/s", 1000, ("still",), ("slope 0",)),
+    "rest, hinges twitching": Bar("rest", "per cycle", 0.1, "mm in a cycle", 1000, ("twitching",)),
+    "touching, at rest": Bar("touching", "between_modules", 1.0, "mm", 1000),
+    "touching, at worst while closing": Bar("touching", "worst_between_modules", 1.0, "mm", 1000),
+    "sinking, friction 0.001-5": Bar("sinking", "deepest", 10.0, "mm", 1000),
+    "published drives, friction 0.7": Bar("published", "misses", 0.0, "of 15 missed", 1, ("friction 0.7",)),
+    "published drives, friction 150": Bar("published", "misses", 0.0, "of 15 missed", 1, ("friction 150",)),
 }
-"""Name -> law, figure of its rows, and which rows; the largest counts."""
 
 
 def find_bars(results: dict[str, Rows]) -> dict[str, float]:
-    """Return the worst figure of each bar whose rows were measured."""
+    """Return the worst figure of each bar whose rows were measured, in its unit; misses of drives are summed up."""
     worst = {}
-    for bar, (law, figure, picks) in BARS.items():
-        found = [row[figure] for name, row in results.get(law, {}).items() if figure in row and picks(name)]
+    for name, bar in BARS.items():
+        found = [
+            float(row[bar.figure])
+            for words, row in results.get(bar.law, {}).items()
+            if bar.figure in row
+            and all(word in words for word in bar.having)
+            and not any(word in words for word in bar.lacking)
+        ]
         if found:
-            worst[bar] = float(max(found))
+            worst[name] = bar.scale * (sum(found) if bar.figure == "misses" else max(found))
     return worst
 
 
-def _has(name: str, *words: str) -> bool:
-    return all(word in name for word in words)
-
-
-def _is_steady(name: str) -> bool:
-    return "armature" in name
-
-
-def _is_lone(name: str) -> bool:
-    return ", 1 modules" in name
+def format_table(worst: dict[str, float]) -> str:
+    """Return the table of targets as Markdown."""
+    lines = ["| law | target | result |", "|---|---|---|"]
+    for name, value in worst.items():
+        bar = BARS[name]
+        result = (
+            f"{value:.2g} {bar.unit}: met" if value <= bar.target else f"**{value:.2g} {bar.unit}: missed**"
+        )
+        lines.append(f"| {name} | {bar.target:g} {bar.unit} | {result} |")
+    return "\n".join(lines)

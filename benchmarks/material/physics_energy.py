@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.material.physics_worlds import Bench, World
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 CREEP_SECONDS = 10.0
 TWITCH_CYCLES = 15
@@ -25,7 +26,7 @@ class Energy(NamedTuple):
 
     Attributes:
         hinges: work of the servos of the hinges.
-        tracks: work of belts or wheels.
+        tracks: work of the tracks.
         stored: growth of potential and kinetic energy.
         sliding: lost to friction, against the sliding of the belts' surfaces.
         impact: lost across the surfaces of contacts.
@@ -60,9 +61,8 @@ def measure_energy(world: World, slope: float, seconds: float = 4.0, speed: floa
     start = find_energy(model, data)
     for step in range(round(seconds / model.opt.timestep)):
         phase = 2 * np.pi * 0.5 * step * model.opt.timestep
-        data.ctrl[bench.hinges] = (
-            _WAVE * min(step * model.opt.timestep, 1.0) * np.sin(phase - 0.8 * np.arange(len(bench.hinges)))
-        )
+        height = _WAVE * min(step * model.opt.timestep, 1.0)
+        data.ctrl[:] = height * np.sin(phase - 0.8 * np.arange(model.nu))
         total += _measure_step(bench)
     stored = find_energy(model, data) - start
     return Energy(total[0], total[1], stored, *total[2:])
@@ -91,8 +91,7 @@ def _measure_step(bench: Bench) -> Float[np.ndarray, 5]:
     work = force * mean[dof] * dt
     sliding, impact, belts = _measure_contacts(model, data, mean)
     damping = (model.dof_damping * data.qvel) @ mean
-    wheels = work[bench.wheels].sum() if len(bench.wheels) else 0.0
-    return np.array([work[bench.hinges].sum(), wheels + belts * dt, sliding * dt, impact * dt, damping * dt])
+    return np.array([work.sum(), belts * dt, sliding * dt, impact * dt, damping * dt])
 
 
 def _measure_contacts(
@@ -140,11 +139,11 @@ def measure_twitching(world: World, height: float, frequency: float, cycles: int
     """
     bench = Bench(world)
     bench.step(_SETTLING)
-    before, signs = bench.places.mean(axis=0), (-1.0) ** np.arange(len(bench.hinges))
+    before, signs = bench.places.mean(axis=0), (-1.0) ** np.arange(bench.model.nu)
     for tick in range(round(cycles / frequency / _TICK)):
-        bench.data.ctrl[bench.hinges] = height * np.sin(2 * np.pi * frequency * tick * _TICK) * signs
+        bench.data.ctrl[:] = height * np.sin(2 * np.pi * frequency * tick * _TICK) * signs
         bench.step(_TICK)
-    bench.data.ctrl[bench.hinges] = 0.0
+    bench.data.ctrl[:] = 0.0
     bench.step(_SETTLING)
     return float(np.linalg.norm((bench.places.mean(axis=0) - before)[:2])) / cycles
 
@@ -171,11 +170,41 @@ def measure_depths(world: World, angle: float = 1.45, seconds: float = 6.0) -> D
     ticks, worst = round(seconds / _TICK), 0.0
     depths, force = np.zeros(2), 0.0
     for tick in range(2 * ticks):
-        bench.data.ctrl[bench.hinges] = angle * min(tick / ticks, 1.0)
+        bench.data.ctrl[:] = angle * min(tick / ticks, 1.0)
         bench.step(_TICK)
         depths, force = _find_depths(bench)
         worst = max(worst, depths[0])
     return Depths(float(depths[0]), float(worst), float(depths[1]), force)
+
+
+class Sinking(NamedTuple):
+    """How deep a robot sank into its arena at worst [m], and the largest speed of its head [m/s]."""
+
+    deepest: float
+    fastest: float
+
+
+def measure_sinking(friction: float, episodes: int = 6, seconds: float = 20.0) -> Sinking:
+    """Return how deep a snake of 8 sinks into the course, whose actions are drawn anew every half second.
+
+    Episodes begin on the floor and before the pit in turn.
+    """
+    envs = [OrganismEnv(modules=8, friction=friction, start=start) for start in ("floor", "pit")]
+    deepest, fastest = 0.0, 0.0
+    for seed in range(episodes):
+        env, rng = envs[seed % 2], np.random.default_rng(seed)
+        env.reset(seed=seed)
+        action = np.zeros(env.action_space.shape)
+        for tick in range(round(seconds / _TICK)):
+            if tick % 25 == 0:
+                action = rng.uniform(-1.0, 1.0, env.action_space.shape)
+            *_, terminated, _, _ = env.step(action)
+            contact, fastest = env.data.contact, max(fastest, float(np.linalg.norm(env.data.qvel[:3])))
+            is_ground = (env.model.geom_bodyid[contact.geom] == 0).any(axis=1)
+            deepest = max(deepest, float(-contact.dist[is_ground].min(initial=0.0)))
+            if terminated:
+                break
+    return Sinking(deepest, fastest)
 
 
 def _find_depths(bench: Bench) -> tuple[Float[np.ndarray, 2], float]:

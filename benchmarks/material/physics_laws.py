@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.material.physics_theory import find_largest
 from benchmarks.material.physics_worlds import Bench, World
 
-SLOPE_SPEED, GAP_SPEED, STEP_SPEED, TURN_SPEED = 0.05, 0.05, 0.03, 0.05
+SLOPE_SPEED, GAP_SPEED, STEP_SPEED, TURN_SPEED = 0.05, 0.05, 0.02, 0.05
 """Speeds of the tracks, slow enough for statics [m/s]."""
 _SETTLING = 0.3
 """Time after which a robot that was put down is at rest [s]."""

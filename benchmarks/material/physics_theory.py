@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 from benchmarks.material.physics_worlds import GRAVITY
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
-from symbrion_gym._src.robot.tracks import compute_wheel_radius, find_driven_wheels
+from symbrion_gym._src.robot.tracks import find_road_wheels
 
 _LEVEL = 1e-4
 """Wheels whose lowest points differ in height by less all stand on flat ground [m]."""
@@ -77,26 +77,21 @@ def find_tipping_limit(scout: ScoutConfig) -> float:
 
 def find_standing(scout: ScoutConfig) -> Float[np.ndarray, "wheels 2"]:
     """Return where a module's wheels stand on flat ground, (x, y) from its center [m]."""
-    wheels = np.array(find_driven_wheels(scout))
+    wheels = np.array(find_road_wheels(scout))
     return wheels[wheels[:, 2] < wheels[:, 2].min() + _LEVEL, :2]
 
 
 def find_feet(scout: ScoutConfig) -> Float[np.ndarray, " feet"]:
-    """Return the places along the ground of those wheels, front to rear [m]."""
-    return np.unique(np.round(find_standing(scout)[:, 0], 6))[::-1]
+    """Return the places of the lower wheels, front to rear [m]; the middle one, a little higher, bears at edges."""
+    return np.unique([round(x, 6) for x, _, z in find_road_wheels(scout) if z < 0.0])[::-1]
 
 
 def find_masses(scout: ScoutConfig, is_folded: bool) -> Masses:
-    """Return the masses of a module: chassis, arm (folded up or straight ahead), driven wheels."""
-    wheels = np.array(find_driven_wheels(scout))
+    """Return the masses of a module: chassis, arm (folded up or straight ahead)."""
     reach = scout.arm_reach - ARM_RADIUS
     arm = (0.0, reach) if is_folded else (reach, 0.0)
-    wheel_mass = 0.0 if scout.tracks == "spheres" else scout.wheel_mass
-    return Masses(
-        np.array([0.0, arm[0], *wheels[:, 0]]),
-        np.array([0.0, arm[1], *wheels[:, 2]]),
-        np.array([scout.chassis_mass, scout.arm_mass, *np.full(len(wheels), wheel_mass)]),
-    )
+    masses = np.array([scout.chassis_mass, scout.arm_mass])
+    return Masses(np.array([0.0, arm[0]]), np.array([0.0, arm[1]]), masses)
 
 
 def make_chain(organism: Organism) -> Chain:
@@ -165,7 +160,7 @@ def find_gap_limits(organism: Organism, torques: Sequence[float], is_round: bool
             `find_climbing_friction`).
     """
     scout, chain = organism.scout, make_chain(organism)
-    radius = compute_wheel_radius(scout) if is_round else 0.0
+    radius = scout.track_radius if is_round else 0.0
     near, far = radius, radius
     needed: dict[bytes, float] = {}
 

@@ -11,8 +11,9 @@ from benchmarks.material.physics_worlds import GRAVITY
 from symbrion_gym._src.robot.belts import Contacts
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import compute_wheel_radius
+from symbrion_gym._src.robot.tracks import MIDDLE_RISE
 
+_MIDDLE = 1e-6  # A wheel closer to the middle of its track is the middle one [m]
 _STILL = 1e-6
 """Points that slide more slowly, as a share of the belts' speed, rub with a part of their friction."""
 
@@ -20,9 +21,9 @@ _STILL = 1e-6
 def find_step_limit(scout: ScoutConfig) -> float:
     """Return the highest step that a lone module, its arm folded up, climbs slowly [m].
 
-    One wheel after the other meets the edge of the step. The first leans on the last, which is still below; the last on
-    the one before it, which is on top; one in between on the last, below. The step is climbed if in each of these
-    positions forces within the cones of friction balance the weight.
+    One wheel after the other meets the edge of the step, unless it is already above it. The first and the middle one
+    lean on the last, which is still below; the last on the one that bears on top. The step is climbed if in each of
+    these positions forces within the cones of friction balance the weight.
     """
     feet = find_feet(scout)
 
@@ -34,11 +35,14 @@ def find_step_limit(scout: ScoutConfig) -> float:
 
 def _is_balanced(scout: ScoutConfig, feet: Float[np.ndarray, " feet"], climbing: int, height: float) -> bool:
     """Return whether forces balance when a wheel meets the edge and the body leans on one other wheel."""
-    radius, last = compute_wheel_radius(scout), len(feet) - 1
-    other = last - 1 if climbing == last else last
-    top = last - 1 if climbing == last else max(climbing - 1, 0)
-    tilt = np.arcsin(min(height / (feet[top] - feet[-1]), 1.0)) if climbing else 0.0
-    centers = np.stack([feet * np.cos(tilt), radius + (feet - feet[-1]) * np.sin(tilt)], axis=1)
+    radius, last = scout.track_radius, len(feet) - 1
+    rises = np.where(np.abs(feet) < _MIDDLE, MIDDLE_RISE, 0.0)
+    tilts = np.arcsin(np.clip((height - rises[:climbing]) / (feet[:climbing] - feet[-1]), 0.0, 1.0))
+    other = int(tilts.argmax()) if climbing == last else last
+    tilt = tilts.max(initial=0.0)
+    centers = np.stack([feet * np.cos(tilt), radius + (feet - feet[-1]) * np.sin(tilt) + rises], axis=1)
+    if centers[climbing, 1] - radius > height:
+        return True
     lean = np.arccos(np.clip((centers[climbing, 1] - height) / radius, 0.0, 1.0))
     contacts = [(climbing, np.array([-np.sin(lean), np.cos(lean)])), (other, np.array([0.0, 1.0]))]
     columns = []

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym._src.robot.organism import Organism, snake
-from symbrion_gym._src.robot.scout_constants import CYLINDER_TRACKS, ScoutConfig
-from symbrion_gym._src.robot.tracks import compute_wheel_radius
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.robot.tracks import compute_friction_stiffness
 
 GRAVITY = 9.81
 """[m/s²]."""
@@ -21,9 +21,8 @@ _DEPTH = 0.5
 _ABOVE = 0.001
 """Height above the ground at which a robot is put down [m]."""
 
-IMPRATIOS = {"pyramidal": 1.0, "elliptic": 10.0}
-"""How much stiffer friction is than the contact, by its model."""
 _START_STEPS = 20
+_WHEELS = 10  # Of a module
 
 
 @dataclass(frozen=True)
@@ -32,24 +31,20 @@ class World:
 
     Attributes:
         modules: length of the snake.
-        tracks: track model, of `TRACK_MODELS`.
         friction: sliding friction.
         timestep: physics step [s].
         scout: other constants of the modules, by name.
-        contact: model of contacts, as in `EnvironmentConfig`.
     """
 
     modules: int = 1
-    tracks: str = "spheres"
     friction: float = 0.7
     timestep: float = 0.005
     scout: dict[str, Any] = field(default_factory=dict)
-    contact: str = "pyramidal"
 
     @property
     def organism(self) -> Organism:
         """The snake."""
-        return snake(self.modules, ScoutConfig(tracks=self.tracks, friction=self.friction, **self.scout))
+        return snake(self.modules, ScoutConfig(friction=self.friction, **self.scout))
 
 
 Box = tuple[float, float, float]
@@ -87,7 +82,7 @@ class Bench:
                 friction=[world.friction, 0.005, 0.0001],
             )
         self.organism.add_to(spec, spec.worldbody)
-        _set_options(spec, world.timestep, world.contact)
+        _set_options(spec, world)
         self.model = spec.compile()
         self.model.opt.gravity[:] = GRAVITY * np.array(
             [-np.sin(slope) * np.cos(heading), -np.sin(slope) * np.sin(heading), -np.cos(slope)]
@@ -98,23 +93,13 @@ class Bench:
         self.data.qpos[3:7] = [np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)]
         names = [self.model.geom(i).name for i in range(self.model.ngeom)]
         self.driving = np.array([i for i, name in enumerate(names) if "_track_" in name])
-        self.left = np.array([_is_left(names[i], self._per_module) for i in self.driving])
-        self.wheels = np.array([i for i in range(self.model.nu) if "_wheel_" in self.model.actuator(i).name])
-        self.hinges = np.array([i for i in range(self.model.nu) if "hinge_" in self.model.actuator(i).name])
+        self.left = np.array([int(names[i].rsplit("_", 1)[1]) < _WHEELS / 2 for i in self.driving])
         self.drive(0.0)
-
-    @property
-    def _per_module(self) -> int:
-        return 12 if self.world.tracks in CYLINDER_TRACKS else 10
 
     def drive(self, left: float, right: float | None = None) -> None:
         """Set the surface speed of the tracks [m/s], both alike unless the right is given."""
         speed = np.where(self.left, left, left if right is None else right)
-        rate = speed / compute_wheel_radius(self.organism.scout)
-        if len(self.wheels):
-            self.data.ctrl[self.wheels] = rate
-        else:
-            self.model.geom_surfacevel[self.driving, 4] = rate
+        self.model.geom_surfacevel[self.driving, 4] = speed / self.organism.scout.track_radius
 
     def start(self, left: float, right: float | None = None, seconds: float = 1.0) -> None:
         """Bring the tracks to their speed evenly, as an abrupt start would tip a module over."""
@@ -140,18 +125,13 @@ class Bench:
         return np.array([self.data.site(f"module_{i}").xmat[8] for i in range(self.world.modules)])
 
 
-def _is_left(name: str, per_module: int) -> bool:
-    return int(name.rsplit("_", 1)[1]) < per_module // 2
-
-
-def _set_options(spec: mujoco.MjSpec, timestep: float, contact: str) -> None:
+def _set_options(spec: mujoco.MjSpec, world: World) -> None:
     """Set the options that the environment uses."""
     option = spec.option
-    option.timestep = timestep
+    option.timestep = world.timestep
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    is_elliptic = contact == "elliptic"
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC if is_elliptic else mujoco.mjtCone.mjCONE_PYRAMIDAL
-    option.impratio = IMPRATIOS[contact]
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, compute_friction_stiffness(world.modules)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.material.physics_energy import measure_creep, measure_energy
+from benchmarks.material.physics_energy import measure_creep, measure_depths, measure_energy, measure_sinking
 from benchmarks.material.physics_laws import climbs_slope, climbs_step, crosses_gap, measure_turning_rate
 from benchmarks.material.physics_published import DRIVES, find_misses, make_robot, measure_drive
 from benchmarks.material.physics_theory import (
@@ -16,9 +16,10 @@ from benchmarks.material.physics_theory import (
 )
 from benchmarks.material.physics_wheels import compute_turning_rate, find_step_limit, make_contacts
 from benchmarks.material.physics_worlds import GRAVITY, Bench, World
+from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.environment.organism_env import OrganismEnv
-from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.belts import compute_load_gain, compute_sliding_rate
+from symbrion_gym._src.robot.tracks import CONTACT_TIME, compute_friction_stiffness
 
 FEET = np.array([(x, y) for x in (0.0325, 0.0, -0.0325) for y in (0.0325, -0.0325)])
 
@@ -62,11 +63,9 @@ def test_even_beam_is_the_formula() -> None:
 
 
 def test_chain_weighs_what_its_model_weighs() -> None:
-    for tracks in ("spheres", "wheels", "cylinders"):
-        world = World(modules=3, tracks=tracks)
-        assert make_chain(world.organism).weight.sum() == pytest.approx(
-            Bench(world).model.body_mass.sum() * GRAVITY
-        )
+    world = World(modules=3)
+    mass = Bench(world).model.body_mass.sum()
+    assert make_chain(world.organism).weight.sum() == pytest.approx(mass * GRAVITY)
 
 
 def test_turning_rate_by_hand() -> None:
@@ -89,20 +88,16 @@ def test_turning_rate_follows_the_speed_and_no_load() -> None:
 
 @pytest.mark.parametrize("speed", [0.05, 0.01])
 def test_a_lone_module_turns_as_the_law_of_the_contacts_says(speed: float) -> None:
-    world = World(contact="elliptic")
-    theory = compute_sliding_rate(make_contacts(world.organism, speed), compute_load_gain(0.7, impratio=10.0))
+    world = World()
+    gain = compute_load_gain(0.7, compute_friction_stiffness(1), CONTACT_TIME)
+    theory = compute_sliding_rate(make_contacts(world.organism, speed), gain)
     assert measure_turning_rate(world, speed, seconds=2.0) == pytest.approx(theory, rel=0.02)
 
 
-def test_heavier_motors_keep_wheels_from_trembling() -> None:
-    for armature, climbs in ((1e-4, False), (0.004, True)):
-        world = World(modules=8, tracks="wheels", friction=0.9, scout={"wheel_armature": armature})
-        assert climbs_slope(world, 41.0) == climbs
-
-
-def test_capsules_climb_less_with_less_friction_and_cylinders_do_not() -> None:
-    for tracks, climbs in (("capsules", False), ("cylinders", True)):
-        assert climbs_step(World(tracks=tracks, friction=0.3), 0.0020) == climbs
+def test_a_step_that_a_wheel_is_already_above_needs_nothing_of_it() -> None:
+    scout = World().organism.scout
+    assert find_step_limit(scout) < scout.track_radius
+    assert find_step_limit(World(friction=0.01).organism.scout) < 1e-3
 
 
 def test_a_published_robot_drives_straight_as_published() -> None:
@@ -115,7 +110,7 @@ def test_a_published_robot_drives_straight_as_published() -> None:
 def test_higher_steps_need_more_friction_and_larger_wheels() -> None:
     limits = [find_step_limit(World(friction=friction).organism.scout) for friction in (0.3, 0.5, 0.7)]
     assert limits == sorted(limits)
-    assert find_step_limit(World(tracks="cylinders").organism.scout) < limits[-1]
+    assert find_step_limit(World(scout={"track_radius": 0.01}).organism.scout) < limits[-1]
 
 
 def test_simulation_climbs_what_theory_says_and_half_the_friction_does_not() -> None:
@@ -126,9 +121,10 @@ def test_simulation_climbs_what_theory_says_and_half_the_friction_does_not() -> 
     assert not climbs_slope(World(modules=2, friction=0.35), limit - 1.0)
 
 
-def test_elliptic_contacts_have_no_preferred_direction() -> None:
-    assert not climbs_slope(World(modules=2), 31.0, heading_deg=45.0)
-    assert climbs_slope(World(modules=2, contact="elliptic"), 31.0, heading_deg=45.0)
+def test_friction_has_no_preferred_direction() -> None:
+    limit = np.degrees(find_slope_limit(0.7))
+    assert climbs_slope(World(modules=2), limit - 1.0, heading_deg=45.0)
+    assert not climbs_slope(World(modules=2), limit + 1.0, heading_deg=45.0)
 
 
 def test_simulation_crosses_gaps_and_climbs_steps_within_theory() -> None:
@@ -148,11 +144,20 @@ def test_energy_is_accounted_for() -> None:
     assert found.damping > 0
 
 
-def test_elliptic_contacts_creep_less() -> None:
-    creep = [
-        measure_creep(World(modules=2, contact=each), np.radians(20.0)) for each in ("pyramidal", "elliptic")
-    ]
-    assert creep[1] < 1e-4 < creep[0]
+@pytest.mark.parametrize("modules", [1, 3, 5])
+def test_a_robot_at_rest_on_a_slope_hardly_creeps(modules: int) -> None:
+    assert measure_creep(World(modules=modules), np.radians(20.0)) < 1.1e-4
+
+
+@pytest.mark.parametrize("friction", FRICTION_LIMITS)
+def test_no_friction_that_is_allowed_lets_a_snake_sink(friction: float) -> None:
+    assert measure_sinking(friction, episodes=2).deepest < 0.01
+
+
+def test_modules_that_hinges_press_together_stay_apart() -> None:
+    found = measure_depths(World(modules=6))
+    assert found.between_modules < 1e-3
+    assert found.worst_between_modules < 4e-3
 
 
 def test_equal_worlds_give_equal_bits() -> None:
@@ -161,12 +166,6 @@ def test_equal_worlds_give_equal_bits() -> None:
 
 
 def test_bench_has_the_options_of_the_environment() -> None:
-    for contact in ("pyramidal", "elliptic"):
-        bench, env = Bench(World(modules=2, contact=contact)), OrganismEnv(modules=2, contact=contact)
-        for name in ("timestep", "integrator", "solver", "cone", "jacobian", "impratio", "disableflags"):
-            assert getattr(bench.model.opt, name) == getattr(env.model.opt, name), name
-
-
-def test_unknown_contact_is_refused() -> None:
-    with pytest.raises(OptionError, match="pyramidal"):
-        OrganismEnv(contact="round")
+    bench, env = Bench(World(modules=2)), OrganismEnv(modules=2)
+    for name in ("timestep", "integrator", "solver", "cone", "jacobian", "impratio", "disableflags"):
+        assert getattr(bench.model.opt, name) == getattr(env.model.opt, name), name

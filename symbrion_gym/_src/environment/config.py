@@ -11,6 +11,7 @@ import numpy as np
 
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.range_checks import (
+    as_floats,
     check_choice,
     check_counts,
     check_not_negative,
@@ -19,7 +20,7 @@ from reconstruction._src.base.range_checks import (
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import OptionError, OrganismError
-from symbrion_gym._src.robot.scout_constants import DEFAULT_SENSORS, SENSORS, ScoutConfig
+from symbrion_gym._src.robot.scout_constants import DEFAULT_SENSORS, SCOUT_LIMITS, SENSORS, ScoutConfig
 
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.task import Task
     from symbrion_gym._src.tasks.terms import Sensor
 
-SCOUT_OPTIONS = ("hinge_torque", "track_speed", "tracks", "friction")
+SCOUT_OPTIONS = tuple(SCOUT_LIMITS)
 """Options that are constants of the modules too."""
 _DEFAULTS = {entry.name: entry.default for entry in fields(ScoutConfig)}
 
@@ -58,7 +59,6 @@ def apply_options(organism: Organism, wanted: Mapping[str, Any]) -> Organism:
 
 
 STARTS = ("floor", "pit")
-CONTACTS = ("pyramidal", "elliptic")
 TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
@@ -66,7 +66,7 @@ RANDOM_LIMITS = {
     "start_offset": (-5.0, 5.0),
     "start_lateral": (-5.0, 5.0),
     "yaw": (-np.pi, np.pi),
-    "track_speed": (0.0, 2.0),
+    "track_speed": SCOUT_LIMITS["track_speed"],
     "roll": (-np.pi, np.pi),
     "patch_friction": (-1.0, 1.0),
 }
@@ -76,10 +76,10 @@ MAX_MODULES = 50  # More than any organism in use; the time of a step grows fast
 MAX_TIMESTEP = 0.02  # Contacts are not resolved by longer physics steps [s]
 _INTERNAL = "default_"  # Options of this prefix are for registered ids; messages do not list them
 _NOT_NEGATIVE = (
-    *("track_speed", "noise", "pit", "default_pit"),
+    *("noise", "pit", "default_pit"),
     *("forward_weight", "success_bonus", "effort_weight", "stuck_progress"),
 )
-_POSITIVE = ("stretch", "hinge_torque", "timestep", "friction", "duration", "stuck_time")
+_POSITIVE = ("stretch", "timestep", "duration", "stuck_time")
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,6 @@ class EnvironmentConfig:
     sensors: tuple[str | Sensor, ...] = DEFAULT_SENSORS
     noise: float = 0.0
     track_control: str = "constant"
-    tracks: str = "spheres"
-    contact: str = "pyramidal"
     timestep: float = 0.005
     frame_skip: int = 4
     timers: bool = False
@@ -128,6 +126,8 @@ class EnvironmentConfig:
     def __post_init__(self) -> None:
         check_not_negative(self, filter(self._needs_number, _NOT_NEGATIVE), OptionError)
         check_positive(self, filter(self._needs_number, _POSITIVE), OptionError)
+        for name in filter(self._needs_number, SCOUT_OPTIONS):
+            as_floats(name, [getattr(self, name)], *SCOUT_LIMITS[name], OptionError)
         check_counts(self, ("frame_skip",), OptionError)
         if isinstance(self.modules, bool) or (
             isinstance(self.modules, int | np.integer) and not 1 <= self.modules <= MAX_MODULES
@@ -137,7 +137,6 @@ class EnvironmentConfig:
             check_organism_options({"modules": self.modules, "organism": self.organism})
         if self.timestep > MAX_TIMESTEP:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
-        check_choice("contact", self.contact, CONTACTS, OptionError)
         check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
         if isinstance(self.start, str):
             check_choice("start", self.start, STARTS, OptionError)

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.robot.organism import MEASURED, Organism
 from symbrion_gym._src.robot.scout_constants import SensorNoise
-from symbrion_gym._src.robot.tracks import find_driven_wheels
+from symbrion_gym._src.robot.tracks import find_road_wheels
 from symbrion_gym._src.tasks.reach import ReachPlaces
 from symbrion_gym._src.tasks.state import add_up
 
@@ -250,7 +250,7 @@ def find_motion(
 
     Tracks are those of module after module, the left before the right. Each touches level ground with its two ends.
     """
-    lowest = find_driven_wheels(organism.scout)
+    lowest = find_road_wheels(organism.scout)
     bottom = min(z for _, _, z in lowest)
     x = np.array([place[0] for place in lowest if place[2] == bottom])
     y = max(place[1] for place in lowest)

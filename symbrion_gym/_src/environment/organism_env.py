@@ -113,8 +113,6 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     | `sensors`             | see above | parts of the observation                                        |
     | `noise`               | 0.0       | 1: sensor noise as estimated for the real robot                 |
     | `track_control`       | "constant"| "body", "modules", "skid": track speeds are part of the action  |
-    | `tracks`              | "spheres" | "wheels", "cylinders", "capsules": with joints, slower, for comparison |
-    | `contact`             | "pyramidal"| model of friction; "elliptic": alike in all directions, slower |
     | `timestep`            | 0.005     | physics step [s]                                                |
     | `frame_skip`          | 4         | physics steps per tick                                          |
     | `timers`              | False     | `info` contains `physics_us`, `collision_us`, `raycast_us`      |
@@ -140,10 +138,6 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     From `start` on, and before `organism`, the options are parameters of the task; None is the task's own value. Those
     of "snake_pit" are "floor", None, False, 90, 15, 0.02, 1, 1 and 0.002; other tasks have others
     (`symbrion_gym.make_task` names them), which are options as well.
-
-    Sphere tracks and wheels with joints have the same shape and give similar results. The authors' cylinders are
-    smaller and bridge less: of 30 random controllers of 6 modules, three cross a pit of 0.35 m on spheres and on
-    wheels, none on cylinders; at 0.30 m three, two and two.
 
     Reset options, each a number or a pair (low, high) to sample from uniformly: `friction`, `torque_scale` (factor on
     the hinge torque), `start_offset` (displacement of the start along the route [m]), `start_lateral` (the same to the
@@ -252,7 +246,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
             raise ValueError(f"an action has shape {self._action_shape}, got {actions.shape}")
         episodes, world = self._episodes, self.world
         target, speed = episodes.command(actions[None])
-        world.write_control(self._control, target, speed)
+        self._control[:, world.servos] = target
         if episodes.commands.num_tracks:
             world.write_track_speed(self.model.geom_surfacevel[None], speed)
         measured = self._advance()

@@ -205,7 +205,7 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         if count:
             some = None if count == self.num_envs else active
             target, speed = episodes.command(actions, some)
-            self.world.write_control(self._control, target, speed)
+            self._control[:, self.world.servos] = target
             if episodes.commands.num_tracks:
                 self._models.write_track_speed(speed)
             self.batch.step(some, nstep=self.config.frame_skip)

@@ -92,10 +92,9 @@ def begin_episode(
         patches = world.compute_patch_friction(domain.friction, domain.patch_friction)
         fields.geom_friction[world.patch_geoms, 0] = patches
     fields.actuator_forcerange[world.hinge_servos] = np.stack([-torque, torque], axis=-1)
-    if scout.tracks == "spheres":
-        fields.geom_surfacevel[world.track_geoms] = compute_surface_velocity(scout, domain.track_speed)
+    fields.geom_surfacevel[world.track_geoms] = compute_surface_velocity(scout, domain.track_speed)
     qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw, domain.roll)
-    world.write_control(control[None], qpos[None, world.hinge_qpos], np.full((1, 1), domain.track_speed))
+    control[world.servos] = qpos[world.hinge_qpos]
 
 
 def split_reset(

@@ -29,7 +29,7 @@ from symbrion_gym._src.errors import ArenaError, OrganismError
 from symbrion_gym._src.robot.body_plans import load_organism
 from symbrion_gym._src.robot.organism import Organism, add_sensors
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import compute_wheel_radius, find_driven_wheels, limit_wheels
+from symbrion_gym._src.robot.tracks import find_road_wheels, set_physics
 from symbrion_gym._src.tasks.state import Scene
 
 logger = logging.getLogger(__name__)
@@ -104,8 +104,6 @@ def find_organism(config: EnvironmentConfig, friction: float) -> Organism:
 _SUNK = 0.005
 """A snake that follows a line on the ground may reach this deep into what rises beside the line; else it is settled as
 other bodies are [m]."""
-_STIFFNESS = 10.0
-"""Of friction against that of contacts, of elliptic cones: a snake at rest on 20° creeps by 0.02 mm/s, not by 0.28."""
 _TIPPED = 0.1
 """A lone module that turns by more as it settles was not at rest on its line, but about to tip over an edge [rad]."""
 _SAME = 1e-9  # Numbers closer than this are equal but for rounding
@@ -119,7 +117,7 @@ class Physics(NamedTuple):
     position: Float[np.ndarray, "N n 3"]  # centers of the modules [m], one physics step behind qpos
     rotation: Float[np.ndarray, "N n 9"]  # their rotation matrices, row by row, likewise
     sensordata: Float[np.ndarray, "N S"]  # readings of MuJoCo's sensors, likewise
-    actuator_force: Float[np.ndarray, "N nu"]  # forces of the hinges [N m], then of the wheels, likewise
+    actuator_force: Float[np.ndarray, "N nu"]  # forces of the hinges [N m], likewise
 
 
 class World:
@@ -145,21 +143,13 @@ class World:
         spec = self.arena.spec()
         add_scene(spec, width, height)
         self.organism.add_to(spec, spec.worldbody)
-        if self.config.track_control == "skid" and self.organism.scout.tracks != "spheres":
-            limit_wheels(spec, self.organism.scout.wheel_torque)
         add_sensors(spec, self.organism, self.config.sensor_names, self.config.dt)
         for geom in spec.worldbody.geoms:
             if geom.group == ARENA_CONTACT_GROUP:
                 geom.rgba[3] = 0.0  # rays shall see the exact surface alone
-        option = spec.option
-        option.timestep = self.config.timestep
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-        option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
-        if self.config.contact == "elliptic":
-            option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _STIFFNESS
-        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        set_physics(spec.option, self.config.timestep, self.organism.num_modules)
+        # One tree of bodies is one island: looking for more takes 5 % of a step.
+        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
         return spec
 
     def _find_ids(self) -> None:
@@ -178,17 +168,14 @@ class World:
         self.hinge_qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
         self.hinge_dof = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
         self.hinge_servos = np.array([model.actuator(name).id for name in organism.servos], dtype=np.int64)
-        self._servos = make_slice(self.hinge_servos)
+        self.servos = make_slice(self.hinge_servos)
         self.servo_range = model.actuator_ctrlrange[self.hinge_servos, 1].copy()  # largest angles [rad]
         self.servo_torque = model.actuator_forcerange[self.hinge_servos, 1].copy()  # [N m]
-        # What drives the tracks, module by module, left before right: geoms, and with wheels their actuators.
-        modules, wheels = range(self.num_modules), range(len(find_driven_wheels(scout)))
-        self.wheel_radius = compute_wheel_radius(scout)
+        # What drives the tracks, module by module, left before right.
+        modules, wheels = range(self.num_modules), range(len(find_road_wheels(scout)))
         self.track_geoms = np.array(
             [[model.geom(f"module_{i}_track_{k}").id for k in wheels] for i in modules]
         )
-        names = [f"module_{i}_wheel_{k}" for i in modules for k in wheels if scout.tracks != "spheres"]
-        self.wheel_servos = np.array([model.actuator(name).id for name in names], dtype=np.int64)
         self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
         self.patch_geoms = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_priority == PATCH_PRIORITY))
         self._patches = self._find_patches()
@@ -218,24 +205,12 @@ class World:
         qpos, qvel, sensordata, force = map(fields, ("qpos", "qvel", "sensordata", "actuator_force"))
         return Physics(qpos, qvel, position, rotation, sensordata, force)
 
-    def write_control(
-        self,
-        control: Float[np.ndarray, "N nu"],
-        target: Float[np.ndarray, "N h"],
-        track_speed: Float[np.ndarray, "N tracks"],
-    ) -> None:
-        """Write the servos' controls."""
-        control[:, self._servos] = target
-        if len(self.wheel_servos):
-            control[:, self.wheel_servos] = self.compute_rates(track_speed, np)
-
     def write_track_speed(
         self, field: Float[np.ndarray, "N ngeom 6"], track_speed: Float[np.ndarray, "N tracks"]
     ) -> None:
-        """Write the surface velocity of sphere tracks: their rate about the lateral axis."""
-        if not len(self.wheel_servos):
-            rates = self.compute_rates(track_speed, np)
-            field[:, self.track_geoms, 4] = rates.reshape(-1, *self.track_geoms.shape)
+        """Write the surface velocity of the tracks: their rate about the lateral axis."""
+        rates = self.compute_rates(track_speed, np)
+        field[:, self.track_geoms, 4] = rates.reshape(-1, *self.track_geoms.shape)
 
     def compute_rates(self, track_speed: Float[Any, "N tracks"], xp: Any) -> Float[Any, "N T"]:
         """Return the rates of what drives [rad/s]: alike in a body, a module, or a side of a module."""
@@ -243,7 +218,7 @@ class World:
         if track_speed.shape[1] == 2 * modules:
             speed = track_speed.reshape(-1, modules, 2).repeat(wheels // 2, axis=2)
         speed = xp.broadcast_to(speed, (len(track_speed), modules, wheels))
-        return speed.reshape(len(speed), -1) / self.wheel_radius
+        return speed.reshape(len(speed), -1) / self.organism.scout.track_radius
 
     def lay_down(
         self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0, roll: float = 0.0

@@ -17,8 +17,7 @@ from reconstruction._src.geometry.pose import make_quarter_turn
 from symbrion_gym._src.errors import OrganismError
 
 _GRAVITY = 9.81  # [m/s²]
-_TIME_CONSTANT, _LEAST_IMPEDANCE, _LARGEST_IMPEDANCE = 0.02, 0.9, 0.95
-"""MuJoCo's defaults of `solref` [s] and `solimp`."""
+_LEAST_IMPEDANCE, _LARGEST_IMPEDANCE = 0.9, 0.95  # MuJoCo's defaults of `solimp`
 _LEAST_SLIP = 1e-5  # Slip below which friction grows in proportion to it [m/s]: keeps the balance smooth
 _STAGES = 12  # The gain is reached in as many stages, so that each balance starts near its solution
 
@@ -33,7 +32,7 @@ class Contacts(NamedTuple):
     weights: Float[np.ndarray, " bodies"]  # of each body; their sum does not matter
 
 
-def compute_load_gain(friction: float, impratio: float = 1.0) -> float:
+def compute_load_gain(friction: float, impratio: float = 1.0, time_constant: float = 0.02) -> float:
     """Return by how much the share of a body's weight at a contact grows with the speed of sliding [s/m].
 
     A contact is a damped spring of acceleration, b = 2 / (d_max time_constant), that bears its share with impedance d.
@@ -45,7 +44,7 @@ def compute_load_gain(friction: float, impratio: float = 1.0) -> float:
         acceleration, elliptic cones. Anitescu (2006), Math. Programming 105: why a convex model of friction couples
         sliding to the normal.
     """
-    damping = 2.0 / (_LARGEST_IMPEDANCE * _TIME_CONSTANT)
+    damping = 2.0 / (_LARGEST_IMPEDANCE * time_constant)
     stiff = _LEAST_IMPEDANCE / ((1.0 - _LEAST_IMPEDANCE) * _GRAVITY)
     return friction * damping * stiff / (1.0 + friction**2 / impratio)
 

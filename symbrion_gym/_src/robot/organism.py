@@ -144,8 +144,6 @@ class Organism:
         root = parent.add_body(name=_name_group(groups[("chassis", 0)]))
         root.add_freejoint(name="root")
         self._fill(spec, root, ("chassis", 0), poses, groups, set())
-        if self.scout.tracks != "spheres":
-            _exclude_wheels(spec, root)
         return root
 
     def _fill(
@@ -281,18 +279,6 @@ def _find_rigid_groups(organism: Organism) -> dict[Part, RigidGroup]:
     for docking in organism.dockings:
         groups.merge(*(("arm" if side == "front" else "chassis", module) for module, side in docking.ends))
     return {part: frozenset(groups.subset(part)) for part in groups}
-
-
-def _exclude_wheels(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
-    """Let wheels ignore the parts that their own part is hinged to, as geoms of neighbors always do."""
-    for child in body.bodies:
-        if "_wheel_" in child.name:
-            continue
-        for one, other in ((body, child), (child, body)):
-            for wheel in one.bodies:
-                if "_wheel_" in wheel.name:
-                    spec.add_exclude(bodyname1=wheel.name, bodyname2=other.name)
-        _exclude_wheels(spec, child)
 
 
 def _sort_key(part: Part) -> tuple[bool, int]:

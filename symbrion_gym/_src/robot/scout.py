@@ -14,12 +14,10 @@ import trimesh
 from jaxtyping import Float
 
 from reconstruction._src.geometry.pose import PlanarPose, make_quarter_turn, make_quaternion
-from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, CYLINDER_TRACKS, SIDES, ScoutConfig
+from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, SIDES, ScoutConfig
 from symbrion_gym._src.robot.tracks import add_contact, add_tracks
 
 _BODY_RECESS = 0.009  # How far the chassis lies within the tracks [m] (estimate)
-_CYLINDER_CHASSIS = (0.033, 0.040, 0.040)
-"""Half sizes of the chassis within the authors' cylinders [m] (estimate)."""
 _MARKER_SIZE = 0.004  # Radius at which the sites of modules and docks are drawn [m]
 _SITE_GROUP = 5  # Geom group of all sites; not drawn unless asked for
 
@@ -29,12 +27,15 @@ def add_chassis(
 ) -> None:
     """Add chassis, tracks, docks and sensors of one module to a body."""
     frame = body.add_frame(pos=pose.position, quat=pose.quaternion)
-    half = _CYLINDER_CHASSIS if config.tracks in CYLINDER_TRACKS else np.array(config.size) / 2 - _BODY_RECESS
-    kind, mass = mujoco.mjtGeom.mjGEOM_BOX, config.chassis_mass
+    half, kind, mass = (
+        np.array(config.size) / 2 - _BODY_RECESS,
+        mujoco.mjtGeom.mjGEOM_BOX,
+        config.chassis_mass,
+    )
     chassis = add_contact(frame, body, f"{prefix}chassis", kind, half, config, mass=mass)
     chassis.rgba[3] = 1.0  # rays see the chassis
     _add_look(spec, frame, body, "chassis", _make_chassis_look(config))
-    add_tracks(spec, frame, body, prefix, pose, config)
+    add_tracks(frame, body, prefix, config)
     _add_site(frame, body, prefix.rstrip("_"), PlanarPose(), _MARKER_SIZE)
     for side in ("back", "left", "right"):
         place = PlanarPose(*config.compute_dock(side))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from math import pi
 
-from reconstruction._src.base.range_checks import check_counts, check_not_negative, check_positive
+from reconstruction._src.base.range_checks import as_floats, check_counts, check_not_negative, check_positive
 from symbrion_gym._src.errors import OptionError, OrganismError
 
-TRACK_MODELS = ("spheres", "wheels", "cylinders", "capsules")
-CYLINDER_TRACKS = ("cylinders", "capsules")  # Tracks with the places and the radius of the authors' cylinders
 SIDES = ("front", "back", "left", "right")
 CONTACT_GROUP = 4  # Geom group of what touches; not drawn unless asked for
+SCOUT_LIMITS = {"friction": (1e-3, 5.0), "track_speed": (0.0, 2.0), "hinge_torque": (1e-3, 100.0)}
+"""Smallest and largest value of what options set: within these a snake sinks by less than 10 mm into the ground."""
 ARM_RADIUS = 0.015  # The arm ends in a rounded bar across, 60 mm wide and of this radius [m] (estimate)
 
 
@@ -38,12 +38,6 @@ class ScoutConfig:
         hinge_damping: [N m s/rad] [E].
         track_speed: surface speed of the tracks [m/s] [E: 0.06-0.15].
         track_radius: radius of a road wheel, a sphere, of a track [m] [E; S: cylinders of 11 mm].
-        wheel_mass: mass of a driven wheel, where tracks have joints [kg] [E].
-        wheel_armature: inertia of its motor and gear [kg m²] [E]. With so little, stiff wheels tremble and climb up
-            to 5° less than friction allows; 0.004 mends it (docs, page on physics).
-        wheel_gain: torque of its servo per error of its rate [N m s/rad] [E]: stiff, so that wheels keep their speed.
-        wheel_torque: largest torque of a driven wheel [N m] [E], where the sides of a module have speeds of their own:
-            a jump of stiff servos against each other would throw it up. Else servos have no limit.
         friction: sliding friction of the tracks on the ground [E].
         dock_force: force that a docking unit holds [N] [E]; a larger one is reported, docks never tear.
         acceleration_range: largest reading of an accelerometer [m/s²] [E: 4 g].
@@ -59,12 +53,6 @@ class ScoutConfig:
             docked to it, about the long axis of the arm [E].
         twist_range: largest angle of that rotation to either side [rad] [E].
         twist_torque: its largest torque [N m] [E]; speed, gains, inertia and damping are those of the hinge.
-        tracks: "spheres" (surface velocity, no joint), "wheels" (four driven wheels), "cylinders" (the
-            authors' twelve small cylinders, driven), "capsules" (the same with rounded ends, of which MuJoCo finds the
-            right normal at the edge of a step).
-        contact_time: time in which a contact of the robot gives way, of MuJoCo's `solref` [s] (its default). With a
-            physics step of half of it or less, 0.004 keeps modules that press into each other apart: they penetrate
-            by less than 1 mm in place of up to 11.
     """
 
     size: tuple[float, float, float] = (0.105, 0.105, 0.105)
@@ -82,10 +70,6 @@ class ScoutConfig:
     hinge_damping: float = 0.05
     track_speed: float = 0.10
     track_radius: float = 0.020
-    wheel_mass: float = 0.002
-    wheel_armature: float = 1e-4
-    wheel_gain: float = 2.0
-    wheel_torque: float = 0.05
     friction: float = 0.7
     dock_force: float = 100.0
     acceleration_range: float = 4 * 9.81
@@ -95,8 +79,6 @@ class ScoutConfig:
     laser_range: float = 4.0
     laser_beams: int = 19
     laser_angles: tuple[float, float] = (-pi / 3, pi / 6)
-    tracks: str = "spheres"
-    contact_time: float = 0.02
     dofs: int = 1
     twist_range: float = pi / 2
     twist_torque: float = 4.5
@@ -104,19 +86,19 @@ class ScoutConfig:
     def __post_init__(self) -> None:
         positive = (
             "dock_reach arm_reach pitch chassis_mass arm_mass hinge_range hinge_torque hinge_speed "
-            "hinge_stiffness track_radius wheel_mass wheel_gain wheel_torque friction dock_force acceleration_range "
-            "contact_range ir_range laser_range twist_range twist_torque contact_time"
+            "hinge_stiffness track_radius friction dock_force acceleration_range "
+            "contact_range ir_range laser_range twist_range twist_torque"
         )
         check_positive(self, positive.split(), OrganismError)
-        not_negative = "hinge_derivative hinge_armature hinge_damping track_speed wheel_armature ir_spacing"
+        not_negative = "hinge_derivative hinge_armature hinge_damping track_speed ir_spacing"
         check_not_negative(self, not_negative.split(), OrganismError)
+        for name, limits in SCOUT_LIMITS.items():
+            as_floats(name, [getattr(self, name)], *limits, OrganismError)
         check_counts(self, ("laser_beams",), OrganismError)
         if isinstance(self.dofs, bool) or self.dofs not in (1, 2):
             raise OrganismError(
                 f"dofs must be 1 (the hinge) or 2 (and the arm's rotation), got {self.dofs!r}"
             )
-        if self.tracks not in TRACK_MODELS:
-            raise OrganismError(f"no tracks {self.tracks!r}; there are: {', '.join(TRACK_MODELS)}")
 
     @property
     def dock_gap(self) -> float:

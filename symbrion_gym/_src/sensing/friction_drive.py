@@ -21,7 +21,7 @@ from reconstruction._src.scans.slip_readings import SlipReadings
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.robot.organism import add_sensors, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import find_road_wheels
+from symbrion_gym._src.robot.tracks import find_road_wheels, set_physics
 
 if TYPE_CHECKING:
     from symbrion_gym._src.arenas.arena import Arena
@@ -195,9 +195,7 @@ class _Simulation:
         organism, spec = snake(_MODULES, scout), arena.spec()
         organism.add_to(spec, spec.worldbody)
         add_sensors(spec, organism, ("acceleration", "dock_force"), 0.0)
-        option = spec.option
-        option.timestep, option.integrator = _TIMESTEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        option.cone, option.jacobian = mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtJacobian.mjJAC_DENSE
+        set_physics(spec.option, _TIMESTEP, _MODULES)
         self.model = model = spec.compile()
         self.data = mujoco.MjData(model)
         last = _MODULES - 1

@@ -13,9 +13,8 @@ def find_heading(env):
     return np.arctan2(forward[1], forward[0])
 
 
-@pytest.mark.parametrize("tracks", ["spheres", "wheels", "cylinders"])
-def test_a_lone_scout_turns_on_the_spot_and_drives_straight(tracks):
-    env = OrganismEnv(modules=1, track_control="skid", tracks=tracks, track_speed=0.05)
+def test_a_lone_scout_turns_on_the_spot_and_drives_straight():
+    env = OrganismEnv(modules=1, track_control="skid", track_speed=0.05)
     env.reset(seed=0)
     assert env.action_space.shape == (2,)
     before, place = find_heading(env), env.physics.position[0, 0].copy()
@@ -32,10 +31,10 @@ def test_a_lone_scout_turns_on_the_spot_and_drives_straight(tracks):
     assert np.arctan2(way[1], way[0]) == pytest.approx(find_heading(env), abs=0.1)
 
 
-@pytest.mark.parametrize(("tracks", "control"), [("spheres", "skid"), ("wheels", "modules")])
-def test_each_number_goes_to_its_own_side_of_its_own_module(tracks, control):
+@pytest.mark.parametrize("control", ["skid", "modules"])
+def test_each_number_goes_to_its_own_side_of_its_own_module(control):
     """In a tree, parts are not in the order of the modules."""
-    env = OrganismEnv(organism="H", track_control=control, tracks=tracks)
+    env = OrganismEnv(organism="H", track_control=control)
     env.reset(seed=0)
     hinges, modules = env.world.num_hinges, env.world.num_modules
     sides = 2 if control == "skid" else 1
@@ -44,11 +43,8 @@ def test_each_number_goes_to_its_own_side_of_its_own_module(tracks, control):
     for module in range(modules):
         for k, left in ((0, True), (9, False)):
             name = f"module_{module}_track_{k}"
-            if tracks == "spheres":
-                rate = env.model.geom_surfacevel[env.model.geom(name).id, 4]
-                assert (env.model.geom(name).pos[1] > 0) or env.world.is_by_site or not left
-            else:
-                rate = env.data.ctrl[env.model.actuator(name.replace("track", "wheel")).id]
+            rate = env.model.geom_surfacevel[env.model.geom(name).id, 4]
+            assert (env.model.geom(name).pos[1] > 0) or env.world.is_by_site or not left
             wanted = speeds[module * sides + (0 if left or sides == 1 else 1)]
             assert rate == pytest.approx(0.1 * wanted / 0.02)
 

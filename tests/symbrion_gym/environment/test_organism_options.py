@@ -8,7 +8,7 @@ from symbrion_gym._src.errors import OptionError, OrganismError
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
-SLOW = ScoutConfig(hinge_torque=3.0, friction=0.3, tracks="wheels")
+SLOW = ScoutConfig(hinge_torque=3.0, friction=0.3)
 
 
 def test_the_option_takes_whatever_describes_a_body(tmp_path):
@@ -20,7 +20,7 @@ def test_the_option_takes_whatever_describes_a_body(tmp_path):
 
 
 def test_constants_of_the_modules_reach_a_ready_organism():
-    given = {"hinge_torque": 2.0, "track_speed": 0.05, "tracks": "wheels", "friction": 0.4}
+    given = {"hinge_torque": 2.0, "track_speed": 0.05, "friction": 0.4}
     for name in ("modules", "organism"):
         env = OrganismEnv(**{name: snake(2)}, **given)
         env.reset(seed=0)
@@ -44,7 +44,9 @@ def test_a_ready_organism_keeps_what_no_option_names():
             {"modules": snake(2, SLOW), "hinge_torque": 4.5},
             r"hinge_torque=4\.5 contradicts hinge_torque=3\.0",
         ),
-        ({"organism": snake(2, SLOW), "tracks": "spheres"}, "tracks='spheres' contradicts"),
+        ({"friction": 1e6}, "friction must be a number from 0.001 to 5"),
+        ({"track_speed": 100}, "track_speed must be a number from 0 to 2"),
+        ({"hinge_torque": 1e3}, "hinge_torque must be a number from 0.001 to 100"),
         ({"track_control": "skids"}, "skid, constant, body, modules"),
     ],
 )

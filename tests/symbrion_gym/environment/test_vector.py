@@ -26,7 +26,7 @@ RESET = {
         (1, {}),
         (2, {"noise": 1.0, "track_control": "modules"}),
         (1, {"modules": snake(3, ScoutConfig(dofs=2)), "track_control": "body"}),
-        (2, {"modules": cross(1), "tracks": "wheels", "track_control": "skid"}),
+        (2, {"modules": cross(1), "track_control": "skid"}),
     ],
 )
 def test_vector_and_single_agree_to_the_bit(threads, options):

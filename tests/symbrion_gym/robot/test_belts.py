@@ -189,3 +189,4 @@ def test_still_belts_and_equal_belts_do_not_turn() -> None:
 def test_gain_by_hand() -> None:
     expected = 0.7 * (2 / (0.95 * 0.02)) * 9 / 9.81 / (1 + 0.49 / 10)
     assert compute_load_gain(0.7, impratio=10.0) == pytest.approx(expected)
+    assert compute_load_gain(0.7, 10.0, time_constant=0.01) == pytest.approx(2 * expected)

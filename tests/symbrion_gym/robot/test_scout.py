@@ -8,14 +8,14 @@ from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.robot.scout import find_scout_rays, make_scout
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.robot.tracks import MIDDLE_RISE, find_road_wheels, set_physics
 
 
 def _put_in_a_room(organism, wall_x=None, wall_behind=None, slope=0.0):
     """A model of a body on a plane, with a wall ahead or behind."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    spec.option.timestep = 0.005
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    set_physics(spec.option, 0.005)
     tilt = [np.cos(slope / 2), 0, np.sin(slope / 2), 0]
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[9, 9, 0.1], quat=tilt)
     for x in (wall_x, wall_behind):
@@ -40,9 +40,8 @@ def _run(model, data, seconds):
     return np.array(places), np.array(ups)
 
 
-@pytest.mark.parametrize("tracks", ["spheres", "wheels", "cylinders"])
-def test_compiled_module_has_the_constants(tracks):
-    config = ScoutConfig(tracks=tracks)
+def test_compiled_module_has_the_constants():
+    config = ScoutConfig()
     model = make_scout(config).compile()
     assert model.body_mass.sum() == pytest.approx(0.95, abs=0.03)
     hinge = model.joint("hinge_0")
@@ -56,18 +55,12 @@ def test_compiled_module_has_the_constants(tracks):
     assert (model.geom_friction[touching, 0] == config.friction).all()
 
 
-def test_capsules_are_the_cylinders_with_rounded_ends_and_contacts_can_be_firmer():
-    cylinders, capsules = (
-        make_scout(ScoutConfig(tracks=tracks)).compile() for tracks in ("cylinders", "capsules")
-    )
-    wheels = np.flatnonzero(cylinders.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER)
-    assert (capsules.geom_type[wheels] == mujoco.mjtGeom.mjGEOM_CAPSULE).all()
-    np.testing.assert_array_equal(capsules.geom_size[wheels, :2], cylinders.geom_size[wheels, :2])
-    np.testing.assert_array_equal(capsules.body_pos, cylinders.body_pos)
-    firm = make_scout(ScoutConfig(contact_time=0.004)).compile()
-    touching = np.flatnonzero(firm.geom_contype)
-    assert (firm.geom_solref[touching, 0] == 0.004).all()
-    assert (cylinders.geom_solref[np.flatnonzero(cylinders.geom_contype)] == [0.02, 1.0]).all()
+def test_a_track_stands_on_its_outer_wheels():
+    lower = np.array([place for place in find_road_wheels(ScoutConfig()) if place[2] < 0])
+    is_middle = lower[:, 0] == 0.0
+    assert is_middle.sum() == 2
+    np.testing.assert_allclose(lower[~is_middle, 2], -0.0325)
+    np.testing.assert_allclose(lower[is_middle, 2], -0.0325 + MIDDLE_RISE)
 
 
 def test_docks_and_sensors_lie_where_the_sources_say():
@@ -83,11 +76,8 @@ def test_docks_and_sensors_lie_where_the_sources_say():
             assert np.abs(site.xpos).max() == pytest.approx(0.0525)
 
 
-@pytest.mark.parametrize("tracks", ["spheres", "wheels", "cylinders"])
-def test_module_drives_at_the_speed_of_its_tracks(tracks):
-    model, data = _put_in_a_room(snake(1, ScoutConfig(tracks=tracks)))
-    wheels = [i for i in range(model.nu) if "wheel" in model.actuator(i).name]
-    data.ctrl[wheels] = 0.1 / (0.011 if tracks == "cylinders" else 0.020)
+def test_module_drives_at_the_speed_of_its_tracks():
+    model, data = _put_in_a_room(snake(1))
     places, _ = _run(model, data, 3.0)
     assert places[-1, 0, 0] - places[199, 0, 0] == pytest.approx(0.2, rel=0.03)
     assert abs(places[-1, 0, 1]) < 0.005
@@ -125,8 +115,8 @@ def test_modules_do_not_pass_through_each_other():
     [
         ({"track_radius": 0.0}, "track_radius"),
         ({"pitch": np.nan}, "pitch"),
-        ({"contact_time": 0.0}, "contact_time"),
-        ({"tracks": "legs"}, "spheres, wheels, cylinders"),
+        ({"friction": 1e6}, "friction must be a number from 0.001 to 5"),
+        ({"track_speed": 100.0}, "track_speed must be a number from 0 to 2"),
         ({"dofs": 3}, "dofs must be 1"),
         ({"dofs": True}, "dofs must be 1"),
     ],

@@ -135,7 +135,7 @@ def test_a_body_is_laid_down_on_the_ground(start):
     world = World(EnvironmentConfig(modules=6, start=start, goal=goal))
     data = mujoco.MjData(world.model)
     data.qpos[:] = world.lay_down(offset=0.03, yaw=0.05)
-    world.write_control(data.ctrl[None], data.qpos[None, world.hinge_qpos], np.zeros((1, 1)))
+    data.ctrl[world.servos] = data.qpos[world.hinge_qpos]
     mujoco.mj_forward(world.model, data)
     assert min((contact.dist for contact in data.contact), default=0.0) > -0.004
     mujoco.mj_step(world.model, data, nstep=60)

@@ -233,9 +233,8 @@ class WarpBatch:
 def list_columns(world: World) -> dict[str, Int[np.ndarray, " C"]]:
     """Return which entries of the flattened fields of the model differ between simulations, name -> columns."""
     geoms = np.concatenate([world.robot_geoms, world.patch_geoms])
-    varied = {"geom_friction": geoms, "actuator_forcerange": world.hinge_servos}
-    if not len(world.wheel_servos):
-        varied["geom_surfacevel"] = world.track_geoms.ravel()
+    tracks = world.track_geoms.ravel()
+    varied = {"geom_friction": geoms, "actuator_forcerange": world.hinge_servos, "geom_surfacevel": tracks}
     widths = {name: getattr(world.model, name).shape[1] for name in varied}
     return {
         name: (ids[:, None] * widths[name] + np.arange(widths[name])).ravel() for name, ids in varied.items()
@@ -256,8 +255,7 @@ class _WarpModel(SharedModel):
 
     def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
         super().write_track_speed(speed)
-        if "geom_surfacevel" in self._columns:
-            self._write("geom_surfacevel")
+        self._write("geom_surfacevel")
 
     def _write(self, name: str) -> None:
         values = self._fields[name].reshape(self._batch.nsim, -1)[:, self._columns[name]]

@@ -45,8 +45,6 @@ class DeviceTick:
         control = jnp.zeros((len(action), world.model.nu), dtype=action.dtype)
         control = control.at[:, world.hinge_servos].set(target)
         rates = world.compute_rates(self._compute_track_speed(episode), jnp)
-        if len(world.wheel_servos):
-            return episode, control.at[:, world.wheel_servos].set(rates), None
         return episode, control, rates if self._commands.num_tracks else None
 
     def _compute_track_speed(self, episode: Episode) -> Float[jax.Array, "N tracks"]:

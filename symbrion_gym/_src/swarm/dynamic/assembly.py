@@ -15,7 +15,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.robot.organism import Docking, Organism
 from symbrion_gym._src.robot.scout import make_scout
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.robot.tracks import find_driven_wheels
+from symbrion_gym._src.robot.tracks import find_road_wheels, set_physics
 from symbrion_gym._src.swarm.docks import SCOUT, find_groups, make_organism, sort_links
 from symbrion_gym._src.swarm.world import FRONT
 
@@ -24,7 +24,6 @@ _WELD_SOLREF = (0.01, 1.0)
 """Time constant [s] and damping ratio of welds: twice the physics step, the stiffest that stays stable."""
 _WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """The stiffest that MuJoCo has: welds yield to a force by 0.01 % of what a free body would."""
-_FRICTION_STIFFNESS = 10.0  # Of friction against that of contacts, as for organisms with elliptic cones
 _KEPT = 64  # Models that are kept for a layout that comes back
 
 
@@ -126,15 +125,7 @@ class Assembler:
 
     def __init__(self, arena: Arena, scout: ScoutConfig) -> None:
         self._scout, self._base = scout, arena.spec()
-        option = self._base.option
-        option.timestep = TIMESTEP
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-        option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _FRICTION_STIFFNESS
-        option.jacobian = (
-            mujoco.mjtJacobian.mjJAC_DENSE
-        )  # 4.0.0 factors sparse matrices wrongly from nv 60 on
-        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        set_physics(self._base.option, TIMESTEP)
         self._base.compile()
         self._made: OrderedDict[Layout, Assembly] = OrderedDict()
 
@@ -173,7 +164,7 @@ class Assembler:
 def _find_ids(layout: Layout, model: mujoco.MjModel, names: list[str]) -> Assembly:
     hinges = [name.replace("module_", "hinge_") for name in names]
     joints = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in hinges]
-    wheels = range(len(find_driven_wheels(SCOUT)))
+    wheels = range(len(find_road_wheels(SCOUT)))
     sites = np.array([model.site(name).id for name in names])
     docks = np.array([[model.site(f"{name}_dock_{side}").id for side in SIDES] for name in names])
     owners = np.full(model.ngeom, -1)

@@ -13,7 +13,6 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import compute_wheel_radius
 from symbrion_gym._src.swarm.docks import MATING_TIME, change_links, sort_links
 from symbrion_gym._src.swarm.dynamic.assembly import Assembler, Assembly, Layout, Tree, find_layout
 from symbrion_gym._src.swarm.dynamic.transfer import (
@@ -100,7 +99,7 @@ class DynamicWorld:
         self._change_links(commands.latch)
         self._change_layout(commands.latch)
         geoms = self.assembly.track_geoms
-        rate = np.repeat(commands.tracks / compute_wheel_radius(self.scout), geoms.shape[1] // 2, axis=1)
+        rate = np.repeat(commands.tracks / self.scout.track_radius, geoms.shape[1] // 2, axis=1)
         self.assembly.model.geom_surfacevel[geoms, 4] = rate
         for _ in range(ticks):
             self._write_servos(commands.hinge)

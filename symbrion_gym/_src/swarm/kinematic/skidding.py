@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS
-from symbrion_gym._src.robot.tracks import find_driven_wheels
+from symbrion_gym._src.robot.tracks import find_road_wheels
 from symbrion_gym._src.swarm.docks import SCOUT
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _ITERATIONS, _HALVINGS, _ENOUGH = 30, 30, 0.1
 _CONVERGED = 1e-9
 _RIDGE = 1e-12  # Added to the Hessian, so that it can always be solved
 
-_WHEELS = np.array(find_driven_wheels(SCOUT))
+_WHEELS = np.array(find_road_wheels(SCOUT))
 TRACK_POINTS = _WHEELS[_WHEELS[:, 2] < _WHEELS[:, 2].min() + _ROUNDING, :2]
 """Where the tracks of a Scout touch level ground, left before right, in its frame [m]."""
 
