@@ -40,7 +40,7 @@ docs: setup
 
 # The ready-made arenas that the package ships (see assets/README.md).
 assets: setup
-	$(RUN) -c "from symbrion_gym._src.ready_made import make_ready_made; make_ready_made('assets/arenas')"
+	$(RUN) -m tools.ready_made
 
 clean:
 	rm -rf .venv demo paper site build dist

@@ -1,7 +1,7 @@
 """MuJoCo Warp against MuJoCo's C engine: the same episodes, and speed by number of simulations.
 
     python -m benchmarks.warp [--quick] [--device cuda:0] [--worlds 64 ...] [--arenas truth ...] [--array torch]
-                             [--only ticks crossings determinism speed generation networks ppo ppo_host]
+                             [--only ticks crossings speed generation networks ppo ppo_host]
 
 It needs the extra `gpu`. Without a GPU it runs on the processor, which shows that both engines agree, and nothing about
 the speed of a GPU. A part that fails is reported, and the next one begins; what a part has measured is stored at once.
@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from benchmarks.material import warp_ppo
-from benchmarks.material.warp_determinism import measure_determinism
 from benchmarks.material.warp_parity import ARENAS, compare_crossings, compare_ticks
 from benchmarks.material.warp_speed import (
     find_array,
@@ -47,7 +46,7 @@ class Setting(NamedTuple):
         device: of Warp.
         quick: whether everything is tiny.
         worlds: numbers of simulations; none for the usual ones.
-        arenas: names or folders, of speed and determinism.
+        arenas: names or folders, of speed.
         array: what environments take and return; None for "jax" where JAX sees the device.
     """
 
@@ -79,18 +78,6 @@ def measure_crossings(setting: Setting) -> None:
 def list_worlds(setting: Setting) -> tuple[int, ...]:
     """Return the numbers of simulations to measure."""
     return setting.worlds or (QUICK_WORLDS if setting.quick or setting.device == "cpu" else WORLDS)
-
-
-def measure_modes(setting: Setting) -> None:
-    """Measure the deterministic mode."""
-    counts = list_worlds(setting)
-    rows = {}
-    for arena in setting.arenas[:1]:
-        for count in counts[:1] if setting.quick else counts[:3]:
-            row = measure_determinism(arena, count, setting.device, *((2,) if setting.quick else ()))
-            rows[f"{count} worlds"] = row
-            print(f"{arena:8s} {count:6d} worlds: {row}", flush=True)
-            setting.results.put("determinism", {"device": setting.device, "arena": arena, **rows})
 
 
 def measure_speed(setting: Setting) -> None:
@@ -147,7 +134,6 @@ def measure_learning_on_host(setting: Setting) -> None:
 PARTS: dict[str, Callable[[Setting], None]] = {
     "ticks": measure_ticks,
     "crossings": measure_crossings,
-    "determinism": measure_modes,
     "speed": measure_speed,
     "generation": measure_one_generation,
     "networks": measure_both_networks,

@@ -2,10 +2,10 @@
 
     pip install "symbrion-gym[rl]"
     python examples/suite_ppo.py --seeds 0 1 --out ppo.json
-    symbrion bench-suite board ppo.json --allow-code evolution --out board.html
+    cd examples && symbrion bench-suite board ../ppo.json --allow-code policy_network --out ../board.html
 
 The policy is a network of 2 x 32 units (tanh). It is trained on the scanned arena alone, for the budget of the suite.
-Its weights are the genotype of the controller `evolution._src.controllers.policy_network:PolicyNetwork`, in pure NumPy,
+Its weights are the genotype of the controller in `policy_network.py` beside this file, in pure NumPy,
 so that it is tried without PyTorch. Where the body is free, a row of three is trained.
 """
 
@@ -17,11 +17,11 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
+from policy_network import HOLD, UNITS, PolicyNetwork
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
 from evolution._src.backends.rollout import make_environment_options
-from evolution._src.controllers.policy_network import HOLD, UNITS, PolicyNetwork
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.baselines import LEARNING_SEED
 from evolution._src.suite.submission import Entry, fill_submission
@@ -30,7 +30,7 @@ from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
-CONTROLLER = "evolution._src.controllers.policy_network:PolicyNetwork"
+CONTROLLER = "policy_network:PolicyNetwork"
 TICK, NUM_ENVS, STEPS, ROW = 0.02, 8, 64, 3
 """Seconds of a tick; simulations side by side, decisions of each between updates; modules where the body is free."""
 POLICY = {"net_arch": list(UNITS), "log_std_init": -1.0, "activation_fn": torch.nn.Tanh}

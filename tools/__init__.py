@@ -1,1 +1,1 @@
-"""What `make check` runs besides ruff and pyright."""
+"""What `make check` and `make assets` run besides the packages."""

@@ -72,30 +72,10 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 """Id -> options that differ from those of `OrganismEnv`."""
 
 
-_HARMLESS = {
-    *(
-        "sensors",
-        "noise",
-        "sensor_noise",
-        "recorders",
-        "timers",
-        "progress",
-        "render_mode",
-        "width",
-        "height",
-    ),
-    *(
-        "num_envs",
-        "num_threads",
-        "vectorization_mode",
-        "autoreset_mode",
-        "backend",
-        "array",
-        "device",
-        "num_starts",
-    ),
-    *("max_contacts", "is_deterministic", "stretches"),
-}
+_HARMLESS = (
+    "sensors noise sensor_noise recorders timers progress render_mode width height num_envs num_threads stretches "
+    "vectorization_mode autoreset_mode backend array device num_starts max_contacts"
+)
 """Options that leave the task of an id as it is."""
 
 
@@ -121,7 +101,7 @@ class KnowsLimits:
             usual = ENVIRONMENTS.get(spec.id, {})
             options = {**usual, **spec.kwargs}
             changed = [name for name, value in options.items() if repr(value) != repr(usual.get(name))]
-            if not _HARMLESS.issuperset(changed):
+            if not set(_HARMLESS.split()).issuperset(changed):
                 spec.reward_threshold = None
             duration = round(self.world.task.duration / self.config.dt)
             spec.max_episode_steps = (

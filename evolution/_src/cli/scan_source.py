@@ -113,7 +113,7 @@ class ScanCommand(FrameCommand):
         readings, points = _crop(readings, box), _crop(points, box)
         if not points.num_points:
             raise UsageError(f"--crop leaves none of the points of {self.source}; they are at {extent}")
-        from symbrion_gym._src.ready_made import SPACING
+        from symbrion_gym._src.sensing.survey import SPACING
 
         spacing = SPACING if self.thin is None and log is not None else self.thin
         slip = None if log is None else log.slip

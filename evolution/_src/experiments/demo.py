@@ -17,7 +17,7 @@ from evolution._src.errors import RunError
 from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
-from symbrion_gym._src.ready_made import SPACING
+from symbrion_gym._src.sensing.survey import SPACING
 
 
 def refuse_foreign_files(folder: Path, marker: str, names: Iterable[str]) -> None:

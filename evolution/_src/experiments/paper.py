@@ -39,7 +39,7 @@ from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
 from reconstruction._src.surfaces.quality import compute_distances
 from symbrion_gym._src.contact.quality import measure_arena
-from symbrion_gym._src.ready_made import SPACING
+from symbrion_gym._src.sensing.survey import SPACING
 from symbrion_gym._src.sensing.survey_robot import LaserScanner
 
 logger = logging.getLogger(__name__)

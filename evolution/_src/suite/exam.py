@@ -110,10 +110,11 @@ def make_exam_scan(place: str, truth: str | None, seed: int) -> Arena:
     """Return the arena of a new scan of the place of a task, made as those that ship."""
     from reconstruction._src.reconstruct import reconstruct
     from reconstruction._src.scans.preprocess import preprocess
+    from reconstruction._src.scans.selection import thin
     from symbrion_gym._src.arenas.making import make_arena
-    from symbrion_gym._src.sensing.survey import survey
+    from symbrion_gym._src.sensing.survey import SPACING, survey
 
-    points = preprocess(survey(truth or make_true_arena(place), seed=seed))
+    points = thin(preprocess(survey(truth or make_true_arena(place), seed=seed)), SPACING)
     return make_arena(reconstruct(points, "gsrm", units=2200, seed=seed).mesh, name=place, seed=seed)
 
 

@@ -96,22 +96,6 @@ def _find_place(mean: float, means: Sequence[float]) -> str:
     return f"{1 + sum(each > mean for each in means)}{'=' * (means.count(mean) > 1)}"
 
 
-def make_overview(exam: Exam) -> list[list[str]]:
-    """Return a row for each submission: its name, mean successes in the truth over its tasks, then each task.
-
-    The best mean first; a submission that has not all tasks comes after those that have, and "–" stands where it has
-    none.
-    """
-    table = {(row.submission, row.task): row for row in rank(exam)}
-    lines = []
-    for name in sorted({submission for submission, _ in table}):
-        cells = [table.get((name, task.name)) for task in SUITE]
-        own = [cell.truth.mean for cell in cells if cell]
-        shown = [f"{cell.truth.mean:.1f}" if cell else "–" for cell in cells]
-        lines.append((-len(own), -np.mean(own), [name, f"{np.mean(own):.1f}", *shown]))
-    return [line[-1] for line in sorted(lines)]
-
-
 def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
     """Return the leaderboard as a page."""
     from evolution._src.report.page import Page
@@ -122,12 +106,6 @@ def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
             f"{len(SUITE)} tasks, {BUDGET:,.0f} simulated seconds for a task and seed. Every entry was tried again: "
             f"{TRIALS} trials on a scan and in the truth, both drawn with exam seed {exam.seed}."
         ),
-    )
-    page.add_section("Overview")
-    page.add_table(
-        ["submission", "mean", *(task.name for task in SUITE)],
-        make_overview(exam),
-        f"Successes of {TRIALS} in the truth, interquartile mean over seeds: over all tasks, then of each.",
     )
     for name, rows in groupby(rank(exam), key=lambda row: row.task):
         page.add_section(name.capitalize())

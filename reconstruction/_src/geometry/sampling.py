@@ -82,18 +82,6 @@ def sample_grid(
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def sample_evenly(
-    low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], count: int
-) -> Float[np.ndarray, "count 2"]:
-    """Return `count` points (x, y) spread evenly between two corners, in no rows.
-
-    References:
-        Roberts (2018), The unreasonable effectiveness of quasirandom sequences: the R2 sequence.
-    """
-    steps = np.arange(1, count + 1)[:, None] / _PLASTIC_NUMBER ** np.array([1, 2])
-    return low + (high - low) * np.mod(steps, 1.0)
-
-
 def count_votes(
     vertices: Vertices,
     faces: Faces,

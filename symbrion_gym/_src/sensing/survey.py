@@ -26,6 +26,7 @@ from symbrion_gym._src.sensing.friction_drive import SlipNoise, drive_lanes
 from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot, expose, look_at
 from symbrion_gym._src.sensing.survey_world import SurveyWorld
 
+SPACING = 0.015  # One point in each cube of this edge suffices [m]: the scanner reads places where it turns very often
 _PATTERN = "checker"  # Of the courses by name, which have no colors of their own
 _GROUND = 0.5  # Gray of the ground around an arena, and of a pixel that shows nothing
 _RIM = 1e-3  # The arena ends this far outside of its box [m]

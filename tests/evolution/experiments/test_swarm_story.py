@@ -11,7 +11,6 @@ import pytest
 import symbrion_gym as sg
 from evolution._src.errors import RunError
 from evolution._src.experiments.swarm import run
-from evolution._src.experiments.swarm.docking_trials import run_docking_trials
 from evolution._src.experiments.swarm.film import choose_moments, draw_timeline
 from evolution._src.experiments.swarm.run import SwarmRunConfig, claim_folder
 from evolution._src.experiments.swarm.story import StoryConfig, tell_story
@@ -59,15 +58,6 @@ def test_a_folder_of_other_options_or_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "b" / "film.mp4").write_bytes(b"mine")
     with pytest.raises(RunError, match="would be overwritten"):
         claim_folder(SwarmRunConfig(tmp_path / "b", StoryConfig()))
-
-
-def test_docking_trials_lock_without_errors_and_repeat_by_the_seed() -> None:
-    times = run_docking_trials(np.array([2, 3]), seed=1, noise=0.0)
-    assert times.locked.all()
-    assert times.recoveries.tolist() == [0, 0]
-    assert times.seconds[0] > times.seconds[1]  # position 2 is farther away
-    again = run_docking_trials(np.array([2, 3]), seed=1, noise=0.0)
-    np.testing.assert_array_equal(times.seconds, again.seconds)
 
 
 def test_an_interrupted_run_goes_on_to_equal_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from reconstruction._src.geometry.sampling import sample_area, sample_cells, sample_evenly, sample_grid
+from reconstruction._src.geometry.sampling import sample_area, sample_cells, sample_grid
 
 LOW, HIGH = np.array([-1.0, 2.0]), np.array([1.0, 3.0])
 SQUARE = trimesh.Trimesh([[0, 0, 1], [2, 0, 1], [2, 2, 1], [0, 2, 1]], [[0, 1, 2], [0, 2, 3]], process=False)
@@ -37,9 +37,3 @@ def test_a_grid_reaches_its_margin():
     points = sample_grid(np.stack([LOW, HIGH]), 5, margin=0.1)
     assert points.shape == (25, 2)
     np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [LOW - 0.1, HIGH + 0.1])
-
-
-def test_even_points_fill_every_part_alike():
-    points = sample_evenly(LOW, HIGH, 4000)
-    counts, *_ = np.histogram2d(*points.T, bins=(4, 5), range=np.stack([LOW, HIGH]).T)
-    assert np.abs(counts - 200).max() <= 12

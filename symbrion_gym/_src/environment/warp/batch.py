@@ -66,7 +66,6 @@ class WarpBatch:
         nsim: int,
         device: str | None = None,
         max_contacts: int | None = None,  # of a simulation; None for one for each geom that moves
-        is_deterministic: bool = False,  # whether sums have a fixed order on a GPU, too; contacts have none yet
     ) -> None:
         self.warp, self._mjw = import_warp()
         self.warp_device = find_device(device)
@@ -75,7 +74,7 @@ class WarpBatch:
         usual = max(moving, _MIN_CONTACTS)
         self.max_contacts = check_count("max_contacts", usual if max_contacts is None else max_contacts)
         self._host_model, self._probe = model.__copy__(), mujoco.MjData(model)
-        self._make(model.__copy__(), is_deterministic)
+        self._make(model.__copy__())
         self._host: dict[str, np.ndarray] = {}
         self._fields: dict[str, np.ndarray] = {}
         for name in _INPUTS:
@@ -84,7 +83,7 @@ class WarpBatch:
         self._graphs: dict[int, Any] = {}
         self.has_overflowed = False  # whether contacts were ever dropped
 
-    def _make(self, model: mujoco.MjModel, is_deterministic: bool) -> None:
+    def _make(self, model: mujoco.MjModel) -> None:
         mjw, rows = self._mjw, _ROWS_PER_CONTACT * self.max_contacts + 2 * model.nv + model.nu
         model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # Warp never resets
         with self.warp.ScopedDevice(self.warp_device):
@@ -95,7 +94,6 @@ class WarpBatch:
                     f"backend 'warp' cannot step this model: {error} Leave out backend"
                 ) from error
             self._model.opt.warn_overflow = 0
-            self._model.opt.deterministic = is_deterministic
             self._data = mjw.make_data(model, nworld=self.nsim, nconmax=self.max_contacts, njmax=rows)
             self._history = self.warp.clone(self._data.history) if model.nhistory else None
             self._each = self.make_indices(np.arange(self.nsim))
@@ -274,7 +272,6 @@ class WarpVectorEnv(OrganismVectorEnv):
         num_envs: int = 1,
         device: str | None = None,
         max_contacts: int | None = None,
-        is_deterministic: bool = False,
         num_threads: int | None = None,
         stretches: Sequence[float] | None = None,
         **options: Any,
@@ -289,7 +286,7 @@ class WarpVectorEnv(OrganismVectorEnv):
                 "of its own, with the option stretch"
             )
         import_warp()
-        self._device_options = device, max_contacts, is_deterministic
+        self._device_options = device, max_contacts
         super().__init__(num_envs, 1, stretches=stretches, **options)
 
     def _make_batch(self, num_threads: int) -> None:

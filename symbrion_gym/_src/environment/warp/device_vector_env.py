@@ -157,7 +157,6 @@ class DeviceVectorEnv(KnowsLimits, VectorEnv[Any, Any, Any]):  # pyright: ignore
         array: str = "jax",
         device: str | None = None,
         max_contacts: int | None = None,
-        is_deterministic: bool = False,
         num_threads: int | None = None,
         num_starts: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -186,7 +185,7 @@ class DeviceVectorEnv(KnowsLimits, VectorEnv[Any, Any, Any]):  # pyright: ignore
             self.world, host.episodes, self.num_envs, max_episode_steps, self.autoreset_mode
         )
         self._run.check(host.draw([0], [{}]).episode)
-        more = {"device": device, "max_contacts": max_contacts, "is_deterministic": is_deterministic}
+        more = {"device": device, "max_contacts": max_contacts}
         self.batch = DeviceBatch(self.world, self.num_envs, **more)
         self._entropy = np.random.SeedSequence()
         self._starts: tuple[Episode, dict[str, Any]] | None = None  # for automatic resets

@@ -35,7 +35,7 @@ BEARING_NOISE = 0.05  # Standard deviation of the direction to a sender [rad] (e
 DEPARTURE_NOISE = 0.10  # Of the direction from the sender's dock [rad] (estimate)
 BIAS = 0.17
 """Of slowly changing errors of both directions, as of light that the ground and bodies reflect [rad]; fitted, as
-`BIAS_TIME`, to half of the docking trials of real robots (`evolution._src.experiments.swarm.docking_trials`)."""
+`BIAS_TIME`, to half of the docking trials of real robots (`benchmarks.docking`)."""
 BIAS_TIME = 60.0  # In which these are forgotten [s]
 DISTANCE_NOISE = 0.05
 """Of the distance, as a share of it (estimate): strength falls with the square of the distance."""

@@ -10,11 +10,9 @@ from reconstruction._src.scans.selection import thin
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.making import load_arena, make_arena
 from symbrion_gym._src.arenas.saving import find_own_files
-from symbrion_gym._src.sensing.survey import survey
+from symbrion_gym._src.sensing.survey import SPACING, survey
 
 _UNITS = {"gsrm": 2200, "gg": 7000}  # Network -> its resolution
-SPACING = 0.015  # One point in each cube of this edge [m]: the scanner sees places where it turns very often
-_TIME_LIMIT = 3600.0  # Far more than the pieces need [s], so that a busy machine makes the same ones
 _EXACT = ("truth", "simple")  # Arenas that need no scan
 
 
@@ -32,10 +30,14 @@ def make_ready_made(folder: str | Path, seed: int = 0, progress: Progress = sile
     for index, (method, units) in enumerate(_UNITS.items(), 1):
         progress(f"{method}: network and pieces", index / (1 + len(_UNITS)))
         mesh = reconstruct(points, method=method, units=units, seed=seed).mesh
-        made = make_arena(mesh, name=method, seed=seed, time_limit=_TIME_LIMIT)
+        made = make_arena(mesh, name=method, seed=seed)
         # Equal seeds make equal files: the time it took is left out.
         arenas[method] = replace(made, quality=replace(made.quality, seconds=0.0))
     for name, arena in arenas.items():
         arena.save(folder / name)
     progress("done", 1.0)
     return arenas
+
+
+if __name__ == "__main__":
+    make_ready_made("assets/arenas")

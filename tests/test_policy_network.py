@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from policy_network import HOLD, SENSORS, UNITS, PolicyNetwork
 
 from evolution._src.backends.settings import read_organism
 from evolution._src.controllers.finding import find_controller
-from evolution._src.controllers.policy_network import HOLD, SENSORS, UNITS, PolicyNetwork
 
 STRUCTURE = {"hinge_angle": slice(0, 1), "pitch": slice(1, 3), "contact": slice(3, 5)}
-NAME = "evolution._src.controllers.policy_network:PolicyNetwork"
+NAME = "policy_network:PolicyNetwork"
 
 
 @pytest.fixture
