@@ -43,21 +43,7 @@ def make_cloud(
     except ScanError as error:
         raise ReconstructionError(str(error)) from error
     offset = find_offset(cloud.points)
-    return shift_frame(cloud, offset) if offset.any() else cloud
-
-
-def shift_frame(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:
-    """Return a cloud with an offset subtracted from its positions, and added to its own offset [m]."""
-    viewpoints = None if cloud.viewpoints is None else cloud.viewpoints - offset
-    return cloud.replace(points=cloud.points - offset, viewpoints=viewpoints, offset=cloud.offset + offset)
-
-
-def align(readings: Cloud, cloud: Cloud) -> Cloud:
-    """Return readings in the frame of a cloud, with its viewpoints where they have none."""
-    readings = shift_frame(readings, cloud.offset - readings.offset)
-    if readings.viewpoints is None and cloud.viewpoints is not None:
-        readings = readings.replace(viewpoints=cloud.viewpoints)
-    return readings
+    return cloud.shift(offset) if offset.any() else cloud
 
 
 def make_cloud_of_rays(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.input_cloud import align, make_cloud
+from reconstruction._src.input_cloud import make_cloud
 from reconstruction._src.methods import find_method, make_config
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.reconstruction import Reconstruction
@@ -59,19 +61,18 @@ def reconstruct(
     network, config_type = find_method(method)
     selected = options if mode == "batch" else {"mode": mode, **options}
     is_chosen = units is None and mode == "batch" and "triangles" not in options
-    if is_chosen:
+    config = make_config(config_type, {"units": DEFAULT_UNITS if units is None else units, **selected})
+    if not is_chosen:
+        check_number(cloud.points, getattr(config, "wanted_units", config.units))
+    else:
         from reconstruction._src.resolution import choose_units
 
-        units = choose_units(cloud.points)
-    elif units is None:
-        units = DEFAULT_UNITS
-    config = make_config(config_type, {"units": units, **selected})
-    check_number(cloud.points, getattr(config, "wanted_units", config.units))
+        config = replace(config, units=choose_units(cloud.points))
     seed = check_seed(seed)
-    everything = None if readings is None else align(make_cloud(readings), cloud)
+    everything = None if readings is None else make_cloud(readings).in_frame_of(cloud)
     keep_compiled_programs()
     state = network.train(cloud.points, config, seed, progress)
-    notes = {"units": f"{units}, chosen for the density of the points"} if is_chosen else {}
+    notes = {"units": f"{config.units}, chosen for the density of the points"} if is_chosen else {}
     result = Reconstruction(method, config, state, cloud, readings=everything, notes=notes)
     if result.dropped is not None:
         result.notes["dropped"] = f"pre-processing dropped {result.dropped}"

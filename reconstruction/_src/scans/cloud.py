@@ -108,6 +108,16 @@ class Cloud:
             seen_from=None if self.seen_from is None else self.seen_from[chosen],
         )
 
+    def shift(self, offset: Float[np.ndarray, " 3"]) -> Cloud:
+        """Return the cloud with an offset subtracted from its positions, and added to its own offset [m]."""
+        viewpoints = None if self.viewpoints is None else self.viewpoints - offset
+        return self.replace(points=self.points - offset, viewpoints=viewpoints, offset=self.offset + offset)
+
+    def in_frame_of(self, other: Cloud) -> Cloud:
+        """Return the cloud in the frame of another, with its viewpoints where it has none."""
+        shifted = self.shift(other.offset - self.offset)
+        return shifted if self.viewpoints is not None else shifted.replace(viewpoints=other.viewpoints)
+
     def replace(self, **changes: object) -> Cloud:
         """Return a copy with some attributes changed."""
         return replace(self, **changes)  # type: ignore[arg-type]

@@ -50,6 +50,7 @@ PACKINGS = (".gz", ".bz2")
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".dae")
 """Files that hold meshes; .ply and .obj also points alone."""
 _GLTF = (".glb", ".gltf")
+_FARTHEST = 1e15  # Coordinates beyond this are no place in any unit
 _GLB_MAGIC, _GLB_HEADER = b"glTF", 20
 """A .glb begins with magic, version, length, and the length and kind of the JSON chunk: five numbers of 4 bytes."""
 _VALUE_BYTES = 64  # Most bytes of an element of a glTF accessor: a matrix of 16 floats
@@ -154,8 +155,8 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
         raise ScanError(f"cannot be read as a mesh: {error or type(error).__name__}") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise ScanError("holds no triangles; points are read by load_cloud")
-    if not np.isfinite(mesh.vertices).all():
-        raise ScanError("has vertices that are not finite; repair it first")
+    if not (np.abs(mesh.vertices) < _FARTHEST).all():
+        raise ScanError(f"has vertices that are not finite, or beyond {_FARTHEST:g}; repair it first")
     low, high = mesh.faces.min(), mesh.faces.max()
     if low < 0 or high >= len(mesh.vertices):
         raise ScanError(f"has faces of the vertices {low} to {high}, and {len(mesh.vertices)} vertices")

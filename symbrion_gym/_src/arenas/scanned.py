@@ -19,10 +19,9 @@ from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction._src.geometry.orientation import orient_to_viewpoints
 from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.geometry.sampling import count_votes, sample_area
-from reconstruction._src.input_cloud import shift_frame
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, to_meters
-from symbrion_gym._src.arenas.surface_file import check_has_surface, load_surface
+from symbrion_gym._src.arenas.surface_file import check_has_surface
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.contact.visibility import add_visibility, measure_visibility
@@ -52,7 +51,6 @@ def simulate_readings(
     return np.concatenate(found), np.concatenate(seen_from)
 
 
-_WITH_FRAME = (".glb", ".gltf", ".dae")  # Formats that say which way is up and in which unit
 _FARTHEST = 1e8  # Coordinates beyond this are no place on earth in meters: damaged [m]
 
 _ONE_SIDED = 0.6
@@ -155,22 +153,20 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
     from reconstruction._src.reconstruction import Reconstruction
     from reconstruction._src.scans.mesh_files import load_mesh
 
-    name, ending = "mesh", ""
-    if isinstance(surface, str | Path):
-        name, ending = make_printable(Path(surface).name), Path(surface).suffix.lower()
-        check_has_surface(Path(surface))
-        if ending in _WITH_FRAME and not Path(surface).is_file():
-            raise ArenaError(f"no mesh file {surface}")
+    name, is_file = "mesh", isinstance(surface, str | Path)
     try:
-        if ending in _WITH_FRAME:
-            mesh = load_mesh(Path(str(surface)), *frame)
-            x, y, z = map(float, mesh.metadata.get("offset", np.zeros(3)))
-            colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
-            return ScannedSurface(mesh, name, offset=(x, y, z), colored=colored)
         if isinstance(surface, str | Path):
-            surface = Reconstruction.load(surface) if ending == ".npz" else load_surface(surface)
+            path = Path(surface)
+            name = make_printable(path.name)
+            check_has_surface(path)
+            if path.suffix.lower() != ".npz":
+                mesh = load_mesh(path, *frame)
+                x, y, z = map(float, mesh.metadata["offset"])
+                colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
+                return ScannedSurface(mesh, name, offset=(x, y, z), colored=colored)
+            surface = Reconstruction.load(path)
         if not isinstance(surface, trimesh.Trimesh):
-            return _take_reconstruction(surface, name if ending else "reconstruction", frame)
+            return _take_reconstruction(surface, name if is_file else "reconstruction", frame)
         vertices = np.asarray(surface.vertices, dtype=np.float64)
         if np.shape(vertices)[1:] != (3,):
             raise ArenaError(f"{name}: vertices have three coordinates, not {vertices.shape}")
@@ -247,7 +243,7 @@ def _recenter(scanned: ScannedSurface) -> ScannedSurface:
         mesh=trimesh.Trimesh(vertices - step, scanned.mesh.faces, process=False),
         points=None if scanned.points is None else scanned.points - step,
         viewpoints=None if scanned.viewpoints is None else scanned.viewpoints - step,
-        colored=None if scanned.colored is None else shift_frame(scanned.colored, step),
+        colored=None if scanned.colored is None else scanned.colored.shift(step),
         offset=(float(total[0]), float(total[1]), float(total[2])),
     )
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import zipfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,15 +9,12 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError, check_size, find_npz_names
+from reconstruction._src.base.bounded_read import UnreadableFileError, find_npz_names
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.surfaces.color import WHITE, add_alpha, find_vertex_colors
 from symbrion_gym._src.arenas.texture import SurfaceTexture
 from symbrion_gym._src.errors import ArenaError
-
-_UNBOUNDED = (".bz2", ".gz", ".tbz2", ".tgz", ".xz")
-"""Packings that trimesh unpacks whatever their size; `zip` tells its size."""
 
 
 def check_has_surface(path: Path) -> None:
@@ -44,25 +39,6 @@ def _holds_points(path: Path) -> bool:
         return kind in POINT_ENDINGS or (kind in (".ply", ".obj") and not is_mesh(path))
     except (ScanError, UnreadableFileError, OSError):
         return False
-
-
-def load_surface(path: str | os.PathLike[str]) -> trimesh.Trimesh:
-    """Read a mesh file in any format that trimesh knows; of packed ones .zip and .3mf alone."""
-    path = Path(path)
-    if not path.is_file():
-        raise ArenaError(f"no mesh file {path}")
-    if path.suffix.lower() in _UNBOUNDED:
-        raise ArenaError(f"{path}: a packed mesh is not read; unpack it first")
-    try:
-        if zipfile.is_zipfile(path):  # .zip, .3mf; zipfile unpacks no member beyond the size stated here
-            with zipfile.ZipFile(path) as archive:
-                check_size(sum(member.file_size for member in archive.infolist()), MAX_BYTES)
-        mesh = trimesh.load_mesh(path, process=False)
-    except Exception as error:  # trimesh raises whatever its many readers raise
-        raise ArenaError(f"{path}: cannot be read as a mesh ({error})") from error
-    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
-        raise ArenaError(f"{path}: holds no triangles; a point cloud wants reconstruct() first")
-    return mesh
 
 
 _LARGEST = 2**30  # Bytes of one mesh; a million faces take 0.06 GB

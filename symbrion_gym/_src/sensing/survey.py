@@ -11,17 +11,18 @@ import trimesh
 from jaxtyping import Bool, Float, UInt8
 from numpy.typing import ArrayLike
 
+from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.pose import make_pose
 from reconstruction._src.scans.localization import localize
+from reconstruction._src.scans.mesh_files import load_mesh
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.making import load_arena
-from symbrion_gym._src.arenas.surface_file import load_surface
 from symbrion_gym._src.assets import NAMED_ARENAS
-from symbrion_gym._src.errors import ArenaError, SurveyError
+from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.friction_drive import SlipNoise, drive_lanes
 from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot, expose, look_at
 from symbrion_gym._src.sensing.survey_world import SurveyWorld
@@ -145,12 +146,12 @@ def _find_arena(
             arena = load_arena(str(arena))
         else:
             try:
-                arena = load_surface(arena)
-            except ArenaError as error:
+                arena = load_mesh(arena)
+            except ScanError as error:
                 raise SurveyError(
                     f"no named arena ({', '.join(NAMED_ARENAS)}), and no mesh: {error}"
                 ) from error
-            arena.remove_infinite_values()
+            arena.apply_translation(arena.metadata["offset"])
             _check_size(arena, what)
             arena.merge_vertices()
     surface = arena.surface if isinstance(arena, Arena) else arena

@@ -1,6 +1,5 @@
 """What an arena is made of, and what is asked about."""
 
-import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import trimesh
 
 import reconstruction as rc
 from benchmarks.material.driving_scenes import make_furnished_room
-from symbrion_gym._src.arenas import surface_file
 from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.arenas.scanned import (
     MeshFrame,
@@ -20,7 +18,6 @@ from symbrion_gym._src.arenas.scanned import (
     simulate_readings,
     take_surface,
 )
-from symbrion_gym._src.arenas.surface_file import load_surface
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
@@ -181,18 +178,11 @@ def test_chosen_ends_were_seen():
 
 
 def test_files_that_are_no_meshes(tmp_path):
-    with pytest.raises(ArenaError, match="no mesh file"):
-        load_surface(tmp_path / "absent.ply")
+    with pytest.raises(ArenaError, match=r"absent\.ply: there is no such file"):
+        take_surface(tmp_path / "absent.ply")
     (tmp_path / "bad.ply").write_text("not a mesh")
     with pytest.raises(ArenaError, match=r"bad\.ply"):
-        load_surface(tmp_path / "bad.ply")
-
-
-def test_a_packed_mesh_is_unpacked_within_the_limit(tmp_path, monkeypatch):
-    box = trimesh.creation.box().export(file_type="obj")
-    with zipfile.ZipFile(tmp_path / "box.zip", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("box.obj", box + "#" + " " * 1_000_000)
-    assert len(load_surface(tmp_path / "box.zip").faces) == 12
-    monkeypatch.setattr(surface_file, "MAX_BYTES", 1e5)
-    with pytest.raises(ArenaError, match=r"box\.zip: .*limit"):
-        load_surface(tmp_path / "box.zip")
+        take_surface(tmp_path / "bad.ply")
+    (tmp_path / "box.zip").write_bytes(b"PK")
+    with pytest.raises(ArenaError, match="unpack it, and give one of its files"):
+        take_surface(tmp_path / "box.zip")
