@@ -1,14 +1,18 @@
 """Cache entries: whatever is wrong with one, it is made again."""
 
+import multiprocessing
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from damage import flip_bits
+from scanned_surface import make_scanned_surface
 
 import symbrion_gym as sg
 from symbrion_gym._src.arenas.cache import read_entry, write_entry
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.contact.kinds import Contact, HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 
@@ -71,3 +75,21 @@ def test_other_code_has_entries_of_its_own(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("symbrion_gym._src.arenas.cache._hash_code", lambda: "another version")
     sg.make_arena(BOX, cache=tmp_path)
     assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+def build_in_process(folder, queue):
+    arena = make_arena(make_scanned_surface(Course().profile(), num_vertices=600), cache=folder)
+    queue.put([piece.vertices.tobytes() for piece in arena.pieces])
+
+
+def test_two_processes_may_build_the_same_arena_at_once(tmp_path):
+    context = multiprocessing.get_context("spawn")
+    queue = context.Queue()
+    workers = [context.Process(target=build_in_process, args=(tmp_path, queue)) for _ in range(2)]
+    for worker in workers:
+        worker.start()
+    first, second = (queue.get(timeout=300) for _ in workers)
+    for worker in workers:
+        worker.join()
+    assert first == second
+    assert len(list(tmp_path.glob("*.npz"))) == 1

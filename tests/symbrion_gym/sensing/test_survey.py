@@ -84,6 +84,18 @@ def test_mixed_pixels_are_labelled_and_go(log):
     assert (mixed & kept).sum() < 0.1 * mixed.sum()
 
 
+def test_without_errors_the_readings_are_exact():
+    scanner = LaserScanner(noise=0, noise_per_meter=0, resolution=0, spot=0, divergence=0)
+    still = {"shake": 0, "distance_drift": 0, "turn_drift": 0, "step_noise": 0, "scan_rate": 4.0, "rest": 0.5}
+    log = survey(SURFACE, path=PATH, sensor=SurveyRobot(scanner=scanner, **still), seed=0)
+    exact = log.replace(poses=log.truth.robot_poses @ log.mount).points()
+    inside = ((exact[:, :2] > log.box[0, :2]) & (exact[:, :2] < log.box[1, :2])).all(axis=1)
+    faces = np.asarray(SURFACE.faces)
+    squared = igl.point_mesh_squared_distance(exact[inside], np.asarray(SURFACE.vertices), faces)[0]
+    assert squared.max() < 1e-10
+    assert not log.truth.is_mixed.any()
+
+
 @pytest.mark.slow
 def test_the_default_path_sees_everything():
     log = survey(SURFACE, seed=0)
