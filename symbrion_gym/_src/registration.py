@@ -32,7 +32,6 @@ def _task(name: str, threshold: float, parameters: dict[str, Any] | None = None,
     return task | options, threshold
 
 
-_DRIVEN = {"randomize": _RANDOMIZE, "track_control": "body"}
 _CROSS: dict[str, Any] = {"track_control": "body"}
 _CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
 _LONE = {"arena": "gsrm", "default_organism": 1, "track_control": "skid", "randomize": _TURNED}
@@ -44,9 +43,6 @@ _FALLEN = {"default_organism": "cross", "track_control": "skid"}
 _PLACES = {"start": (-3.0, -0.6), "places": ((-2.2, 0.5), (-1.6, -0.5)), "goal": (-0.9, 0.4)}
 _SPECS: dict[str, _Entry] = {
     "SnakePit-v1": ({"randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
-    "SnakeRamp-v1": ({**_DRIVEN, "arena": "truth", "pit": 0.0}, 4.2),
-    "SnakeStairs-v1": ({**_DRIVEN, "arena": "stairs"}, 2.6),
-    "SnakeTerrain-v1": ({**_DRIVEN, "arena": "gsrm", "default_ends": ((-1.9, -0.4), (-0.35, 0.3))}, 2.0),
     "CrossGap-easy-v0": _task("cross_gap", 3.2, **_CROSS, default_pit=0.35),
     "CrossGap-v0": _task("cross_gap", 3.3, **_CROSS),
     "CrossGap-hard-v0": _task("cross_gap", 3.2, {"bottomless": True}, **_CROSS, default_pit=0.36),

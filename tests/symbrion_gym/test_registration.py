@@ -37,8 +37,8 @@ def test_stairs_can_be_climbed_and_the_ramp_crossed():
     """With the hinges straight and the tracks at full speed, on low steps."""
     low = Arena.from_course(StairsCourse(steps=2, rise=0.012), "low stairs")
     for name, options in (
-        ("symbrion_gym/SnakeStairs-v1", {"arena": low}),
-        ("symbrion_gym/SnakeRamp-v1", {"track_speed": 0.3}),
+        ("symbrion_gym/CrossGap-v0", {"task": "snake_pit", "arena": low}),
+        ("symbrion_gym/CrossGap-v0", {"task": "snake_pit", "pit": 0.0, "track_speed": 0.3}),
     ):
         env = gym.make(name, modules=4, **options)
         env.reset(seed=0)

@@ -18,7 +18,6 @@ from reconstruction._src.base.range_checks import (
     check_positive,
 )
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
-from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import OptionError, OrganismError
 from symbrion_gym._src.robot.scout_constants import DEFAULT_SENSORS, SCOUT_LIMITS, SENSORS, ScoutConfig
 
@@ -91,7 +90,6 @@ class EnvironmentConfig:
     modules: int | Organism = 8
     pit: float | None = None
     default_pit: float | None = None
-    default_ends: tuple[tuple[float, float], tuple[float, float]] | None = None
     course: Mapping[str, Any] = field(default_factory=dict)
     default_course: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     progress: Progress | None = None
@@ -204,13 +202,10 @@ class EnvironmentConfig:
         return getattr(self, name) is not None or getattr(type(self), name) is not None
 
     def find_task(self) -> Task:
-        """Return the task, with the parameters that are given; a registered id sets ends in its own arena."""
+        """Return the task, with the parameters that are given."""
         from symbrion_gym._src.tasks.catalog import choose_task
 
         given = {name: value for name in TASK_OPTIONS if (value := getattr(self, name)) is not None}
-        is_named = isinstance(self.arena, str) and self.arena in NAMED_ARENAS
-        if self.default_ends and is_named and self.start in (None, "floor") and self.goal is None:
-            given["start"], given["goal"] = self.default_ends
         defaults = {} if self.task is not None else self.default_parameters
         return choose_task(self.task or self.default_task, {**defaults, **given, **self.task_parameters})
 

@@ -102,7 +102,6 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
     | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
     | `default_pit`         | None      | None: 0.45 m                                                    |
-    | `default_ends`        | None      | SnakeTerrain: start and goal in a named arena, if neither is given |
     | `course`              | {}        | sizes of an arena made in code, of `Course` or `StairsCourse`   |
     | `default_course`      | {}        | name of such an arena -> sizes that an id sets                  |
     | `progress`            | None      | called while a surface in a file is made an arena; None: logged |
