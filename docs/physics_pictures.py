@@ -128,7 +128,8 @@ def draw_rests(rows: dict[str, Any], touches: dict[str, Any]) -> None:
     axes[2].set(ylabel="depth [mm]", xlabel="modules, curled up", title="modules pressed together")
     axes[2].set_xticks(places, (5, 6, 8))
     axes[0].legend(fontsize=8)
-    axes[2].legend(fontsize=8)
+    axes[2].set_ylim(0, 1.35 * max(worst))
+    axes[2].legend(fontsize=8, loc="upper left")
     _save(figure, "physics-rest.png")
 
 

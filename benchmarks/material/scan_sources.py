@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from benchmarks.evidence.row import DATA
 from benchmarks.material.array_files import load_arrays
-from benchmarks.material.clouds import DATA
 from benchmarks.material.made_scenes import SCENES, MadeScan
 
 AIRBORNE_HEIGHT = 100.0

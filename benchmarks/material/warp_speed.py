@@ -159,10 +159,10 @@ def measure_networks(points: int = NETWORK_POINTS) -> dict[str, dict[str, float]
     """Return the times of the networks on the processor and on the first GPU that JAX sees, warm [s]."""
     import jax
 
-    from benchmarks.material.clouds import make_arena
+    from benchmarks.evidence.surfaces import make_course_cloud
     from reconstruction._src.reconstruct import reconstruct
 
-    cloud, rows = make_arena(points).points, {}
+    cloud, rows = make_course_cloud(points)[0], {}
     kinds = {device.platform: device for device in (*jax.devices("cpu"), *jax.devices())}
     for method, options in NETWORK_SIZES.items():
         rows[method] = {"points": float(len(cloud))}

@@ -12,7 +12,7 @@ from reconstruction._src.methods import find_method, make_config
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.reconstruction import Reconstruction
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.point_rows import check_number, check_seed
+from reconstruction._src.scans.point_rows import MIN_UNITS, check_number, check_seed
 
 DEFAULT_UNITS = 2200  # Of the paper's mode: that of its experiments
 
@@ -62,9 +62,8 @@ def reconstruct(
     selected = options if mode == "batch" else {"mode": mode, **options}
     is_chosen = units is None and mode == "batch" and "triangles" not in options
     config = make_config(config_type, {"units": DEFAULT_UNITS if units is None else units, **selected})
-    if not is_chosen:
-        check_number(cloud.points, getattr(config, "wanted_units", config.units))
-    else:
+    check_number(cloud.points, MIN_UNITS if is_chosen else getattr(config, "wanted_units", config.units))
+    if is_chosen:
         from reconstruction._src.resolution import choose_units
 
         config = replace(config, units=choose_units(cloud.points))

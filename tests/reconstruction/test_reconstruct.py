@@ -136,6 +136,8 @@ def test_repeated_points_do_not_count_twice():
     few = make_ground(40)
     with pytest.raises(ReconstructionError, match="40 distinct points"):
         reconstruct(np.tile(few, (50, 1)), "gg", units=60)
+    with pytest.raises(ReconstructionError, match="4 units are more than the 3 distinct points"):
+        reconstruct(np.tile(few[:3], (50, 1)))
 
 
 @pytest.mark.parametrize("method", METHODS)

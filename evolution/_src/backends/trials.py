@@ -37,13 +37,8 @@ _MAX_ERROR_LENGTH = 200  # Characters of an error that a record keeps
 class Trials(TrialConfig, BodyConfig):
     """The trials of a genotype: an episode, a body, and how often it is tried."""
 
-    OTHERS: ClassVar[tuple[str, ...]] = (
-        "trials",
-        "scoring",
-        "backend",
-        "workers",
-        "address",
-    )  # Of an `Evaluator`
+    # those of an `Evaluator`
+    OTHERS: ClassVar[tuple[str, ...]] = ("trials", "scoring", "backend", "workers", "address")
 
     arena: ArenaSource = "truth"  # name, folder, file or, on backend "batch", an `Arena`
     controller: Any = "reactive"

@@ -26,14 +26,12 @@ from evolution._src.controllers.oscillators import OscillatorController
 from evolution._src.controllers.protocol import Structure
 from evolution._src.errors import RunError
 from reconstruction._src.base.range_checks import check_choice
-from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
 CONTROLLERS = ("path", "reactive", "posture", "network", "oscillators")  # Names of the laws
 SENSORS = ("hinge_angle", "pitch", "contact")  # Sensors that every law reads
-HINGE_RANGE = ScoutConfig().hinge_range  # Largest angle of a hinge of the usual Scout to either side [rad]
 CONTACT_TIMEOUT = 15
 """Ticks without contact after which a module counts as airborne: 0.3 s bridge the flicker of contact; a head that
 drives over an edge advances by 2.5 cm meanwhile."""

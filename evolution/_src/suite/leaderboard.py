@@ -104,16 +104,16 @@ def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
         title=f"Symbrion benchmark suite {VERSION}",
         summary=(
             f"{len(SUITE)} tasks, {BUDGET:,.0f} simulated seconds for a task and seed. Every entry was tried again: "
-            f"{TRIALS} trials on a scan and in the truth, both drawn with exam seed {exam.seed}."
+            f"{TRIALS} trials on a scan and in the truth, both drawn with exam seed {exam.seed}. "
+            "Shown are successes, the interquartile mean over seeds with its 95 % interval; "
+            "the place is by those in the truth: 1= is a tie, – has no success."
         ),
     )
+    page.add_contents()
     for name, rows in groupby(rank(exam), key=lambda row: row.task):
         page.add_section(name.capitalize())
         page.add_table(
-            list(COLUMNS),
-            [row.format() for row in rows],
-            f"Successes of {TRIALS}: interquartile mean over seeds and its 95 % interval. The place is by successes in "
-            "the truth: 1= is a tie, – has no success.",
+            list(COLUMNS), [row.format() for row in rows], f"Successes of {TRIALS}; fitness in the truth."
         )
     if exam.untried:
         page.add_section("Not tried, so not ranked")

@@ -39,7 +39,7 @@ class Submission:
     """A submission.
 
     Raises:
-        RunError: it is of another suite, or an entry cannot be one of its tasks.
+        RunError: it is of another suite, an entry cannot be one of its tasks, or a task and seed has two.
     """
 
     name: str  # name of the method
@@ -55,6 +55,12 @@ class Submission:
             )
         for entry in self.entries:
             _check_entry(entry)
+        pairs = [(entry.task, entry.seed) for entry in self.entries]
+        if len(set(pairs)) < len(pairs):
+            twice = max(pairs, key=pairs.count)
+            raise RunError(
+                f"{twice[0]}, seed {twice[1]}, has more than one entry; leave one for each task and seed"
+            )
 
     def save(self, path: Path) -> None:
         """Write the file."""

@@ -1,4 +1,4 @@
-"""Points sampled on surfaces, and over boxes in plan: on a grid, in the middle of cells, and evenly spread."""
+"""Points sampled on surfaces, and over boxes in plan: on a grid, and in the middle of cells."""
 
 from __future__ import annotations
 
@@ -21,8 +21,6 @@ from reconstruction._src.geometry.rows import (
 if TYPE_CHECKING:
     import trimesh
 
-_PLASTIC_NUMBER = 1.32471795724474602596
-"""The real root of x^3 = x + 1; its powers are the steps of the R2 sequence."""
 _MIN_COSINE = 0.05
 """A ray closer than this to the plane of its face (3 degrees) votes for neither side: noise of the normal decides."""
 _REACH = 0.5

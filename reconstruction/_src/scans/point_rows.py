@@ -17,7 +17,7 @@ from reconstruction._src.scans.frames import RawPoints, as_colors
 FLATNESS = 1e-6
 """A cloud thinner than this share of its length in two directions is a line: far below the noise of any scanner, and
 above the rounding errors of single precision."""
-_MIN_POINTS = 4  # A tetrahedron: fewer points span no closed surface
+MIN_UNITS = _MIN_POINTS = 4  # A tetrahedron: fewer points span no closed surface
 _MAX_COORDINATE = 1e100  # No length; and products of three larger coordinates overflow
 _SAME_PLACE = 1e-12  # Extent over coordinates below which rounding errors are all there is of a cloud
 
@@ -49,8 +49,8 @@ def check_number(points: Float[np.ndarray, "N 3"], units: int) -> None:
     """Check the number of units of a network."""
     if isinstance(units, bool) or not isinstance(units, int | np.integer):
         raise ReconstructionError(f"units must be a whole number, got {units!r}")
-    if units < _MIN_POINTS:
-        raise ReconstructionError(f"units must be at least {_MIN_POINTS}, got {units}")
+    if units < MIN_UNITS:
+        raise ReconstructionError(f"units must be at least {MIN_UNITS}, got {units}")
     distinct = len(points)
     if units <= distinct and len(np.unique(points[:, 0])) < units:
         distinct = len(np.unique(points, axis=0))

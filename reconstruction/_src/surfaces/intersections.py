@@ -86,13 +86,13 @@ def _find_near(
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     centers = (low + high) / 2
     radius = compute_lengths(high - low) / 2
-    has_area = compute_lengths(cross_rows(b - a, c - a)) > 0
+    may_meet = compute_lengths(cross_rows(b - a, c - a)) > 0
     if is_selected.any():  # those far from all selected ones take no part
         bottom, top = low[is_selected].min(axis=0), high[is_selected].max(axis=0)
-        has_area &= all_rows((low <= top) & (high >= bottom))
-    size = np.where(has_area, np.ceil(np.log(np.maximum(radius, _SHORTEST)) / np.log(_SIZES_APART)), np.inf)
+        may_meet &= all_rows((low <= top) & (high >= bottom))
+    size = np.where(may_meet, np.ceil(np.log(np.maximum(radius, _SHORTEST)) / np.log(_SIZES_APART)), np.inf)
     found = [np.empty((0, 2), dtype=np.int64)]
-    for largest in np.unique(size[has_area]):
+    for largest in np.unique(size[may_meet]):
         is_large, is_smaller = size == largest, size < largest
         for one, other in (
             (is_large & is_selected, is_large | is_smaller),

@@ -27,11 +27,8 @@ def add_chassis(
 ) -> None:
     """Add chassis, tracks, docks and sensors of one module to a body."""
     frame = body.add_frame(pos=pose.position, quat=pose.quaternion)
-    half, kind, mass = (
-        np.array(config.size) / 2 - _BODY_RECESS,
-        mujoco.mjtGeom.mjGEOM_BOX,
-        config.chassis_mass,
-    )
+    half = np.array(config.size) / 2 - _BODY_RECESS
+    kind, mass = mujoco.mjtGeom.mjGEOM_BOX, config.chassis_mass
     chassis = add_contact(frame, body, f"{prefix}chassis", kind, half, config, mass=mass)
     chassis.rgba[3] = 1.0  # rays see the chassis
     _add_look(spec, frame, body, "chassis", _make_chassis_look(config))

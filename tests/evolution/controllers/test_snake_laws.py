@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 from bodies import make_observations, make_structure
 
-from evolution._src.controllers.controller import (
-    CONTACT_TIMEOUT,
-    HINGE_RANGE,
-    KNOTS,
-    MAX_AIRBORNE_TICKS,
-    make_law,
-)
+from evolution._src.controllers.controller import CONTACT_TIMEOUT, KNOTS, MAX_AIRBORNE_TICKS, make_law
 from evolution._src.controllers.laws import _interpolate
 from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 SPACING = 0.1254
 
@@ -75,4 +70,4 @@ def test_snakes_act_as_rows_of_modules(law, modules):
         airborne, recent = 1.0 * (ticks > CONTACT_TIMEOUT), 1.0 * (ticks <= MAX_AIRBORNE_TICKS)
         expected = law(pitch, angle, airborne, recent, head, genes)
         action, state = controller.act(observation, genes, structure, state)
-        assert np.array_equal(action, np.clip(expected / HINGE_RANGE, -1.0, 1.0))
+        assert np.array_equal(action, np.clip(expected / ScoutConfig().hinge_range, -1.0, 1.0))

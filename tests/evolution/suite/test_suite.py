@@ -183,7 +183,7 @@ def test_an_exam_draws_scans_and_conditions_from_its_seed_and_ranks_nothing_that
 
     good, bad = (
         Submission("good", (entry,)),
-        Submission("bad", (entry, replace(entry, controller="moon:Law"))),
+        Submission("bad", (entry, replace(entry, seed=1, controller="moon:Law"))),
     )
     exam = hold_exam([bad, good], 7, simulate=watch)
     assert seen[0] == ("gap 7", (7,), TRIALS)
@@ -250,6 +250,8 @@ def job_law(job):
 def test_entries_that_break_a_rule_are_refused(entry, changes, message):
     with pytest.raises(RunError, match=message):
         Submission("broken", (replace(entry, **changes),))
+    with pytest.raises(RunError, match="more than one entry"):
+        Submission("twice", (entry, replace(entry, genotype=(0.5,) * 10)))
 
 
 def test_files_that_are_no_submission_are_refused(tmp_path, entry):

@@ -123,3 +123,11 @@ def test_the_rest_is_a_manifold(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_few_readings_are_no_ground_to_cut() -> None:
     mesh = add_bridge(make_floor(5))
     assert not find_far_faces(np.asarray(mesh.vertices), np.asarray(mesh.faces), np.zeros((10, 3))).any()
+
+
+def test_readings_around_a_few_open_places_tell_as_much_as_all():
+    floor, readings = make_floor(21, size=2.0), read_floor(201, size=2.0)
+    readings = readings[np.linalg.norm(readings - [0.05, 0.05, 0.0], axis=1) > 0.12]  # goes on beyond the gap
+    for pool, expected in ((far_faces._POOL, 0), (10**9, 0), (1, 2)):
+        with with_constants(far_faces, pool=pool):
+            assert find_far_faces(floor.vertices, floor.faces, readings).sum() == expected
