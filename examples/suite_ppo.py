@@ -6,7 +6,7 @@
 
 The policy is a network of 2 x 32 units (tanh). It is trained on the scanned arena alone, for the budget of the suite.
 Its weights are the genotype of the controller in `policy_network.py` beside this file, in pure NumPy,
-so that it is tried without PyTorch. Where the body is free, a row of three is trained.
+so that it is tried without PyTorch.
 """
 
 import argparse
@@ -22,6 +22,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
 from evolution._src.backends.rollout import make_environment_options
+from evolution._src.controllers.joints import count_tracks
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.baselines import LEARNING_SEED
 from evolution._src.suite.submission import Entry, fill_submission
@@ -31,8 +32,11 @@ from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEn
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
 CONTROLLER = "policy_network:PolicyNetwork"
-TICK, NUM_ENVS, STEPS, ROW = 0.02, 8, 64, 3
-"""Seconds of a tick; simulations side by side, decisions of each between updates; modules where the body is free."""
+TICK, NUM_ENVS, STEPS = (
+    0.02,
+    8,
+    64,
+)  # Seconds of a tick; simulations side by side, decisions of each between updates
 POLICY = {"net_arch": list(UNITS), "log_std_init": -1.0, "activation_fn": torch.nn.Tanh}
 SETTINGS: dict[str, Any] = {"n_steps": STEPS, "batch_size": 128, "gamma": 0.995, "learning_rate": 1e-3}
 
@@ -71,10 +75,10 @@ def make_envs(task: SuiteTask, trials: Any, network: PolicyNetwork, seed: int) -
 
 def train(task: SuiteTask, seed: int, seconds: float = BUDGET) -> Entry:
     """Return what PPO learns within a simulated time."""
-    body = ROW if task.body is None else task.body
-    trials = task.make_trials(task.find_scan(), body, CONTROLLER, 1, (LEARNING_SEED,))
+    trials = task.make_trials(task.find_scan(), task.body, CONTROLLER, 1, (LEARNING_SEED,))
     organism = trials.find_organism()
-    network = PolicyNetwork(organism, 2 * organism.num_modules)
+    tracks = count_tracks(task.make_options()["track_control"], organism.num_modules)
+    network = PolicyNetwork(organism, tracks)
     envs = make_envs(task, trials, network, seed)
     model = PPO("MlpPolicy", envs, policy_kwargs=POLICY, seed=seed, device="cpu", **SETTINGS)
     model.learn(int(seconds / (HOLD * TICK)) // (STEPS * NUM_ENVS) * STEPS * NUM_ENVS)  # whole rollouts

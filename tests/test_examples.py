@@ -79,14 +79,14 @@ def test_ppo_submits_to_the_suite_what_it_has_learned() -> None:
     from evolution._src.suite.submission import Submission
     from evolution._src.suite.tasks import find_suite_task
 
-    example, task = load("suite_ppo"), find_suite_task("stairs, 3 in a row")
+    example, task = load("suite_ppo"), find_suite_task("stairs, 5 in a row")
     entry = example.train(task, 0, seconds=100.0)
     assert 50.0 < entry.seconds <= 110.0
     assert not hold_exam([Submission("ppo", (entry,))], 0).untried
 
     trials = task.make_trials(task.find_scan(), task.body, example.CONTROLLER, 1, (0,))
     organism = trials.find_organism()
-    network = find_controller(example.CONTROLLER, organism, 6).controller
+    network = find_controller(example.CONTROLLER, organism, 1).controller
     envs = example.make_envs(task, trials, network, 0)
     model = example.PPO("MlpPolicy", envs, policy_kwargs=example.POLICY, seed=0, **example.SETTINGS)
     model.learn(1)

@@ -3,6 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+from evolution._src.suite.exam import make_exam_scan
+from evolution._src.suite.tasks import COURSES
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.reconstruct import reconstruct
 from reconstruction._src.scans.preprocess import preprocess
@@ -41,3 +43,7 @@ def make_ready_made(folder: str | Path, seed: int = 0, progress: Progress = sile
 
 if __name__ == "__main__":
     make_ready_made("assets/arenas")
+    for place in COURSES:
+        scan = make_exam_scan(place, None, seed=0)
+        scan = replace(scan, quality=replace(scan.quality, seconds=0.0))
+        scan.save(Path("assets/suite/arenas") / place)

@@ -32,35 +32,20 @@ def _task(name: str, threshold: float, parameters: dict[str, Any] | None = None,
     return task | options, threshold
 
 
-_CROSS: dict[str, Any] = {"track_control": "body"}
-_CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
+_ROW: dict[str, Any] = {"track_control": "body"}
+_CLIMB = {**_ROW, "arena": "stairs"}
 _LONE = {"arena": "gsrm", "default_organism": 1, "track_control": "skid", "randomize": _TURNED}
-_GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
-_TRAVERSE = {"arena": "gsrm", "default_organism": 4, "track_control": "skid"}
-_FLAT = {**_TRAVERSE, "arena": "truth", "default_pit": 0.0}
-_SLIPPERY = {**_TRAVERSE, "randomize": {**_TURNED, "friction": (0.3, 0.45)}}
-_FALLEN = {"default_organism": "cross", "track_control": "skid"}
-_PLACES = {"start": (-3.0, -0.6), "places": ((-2.2, 0.5), (-1.6, -0.5)), "goal": (-0.9, 0.4)}
 _SPECS: dict[str, _Entry] = {
     "SnakePit-v1": ({"randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
-    "CrossGap-easy-v0": _task("cross_gap", 3.2, **_CROSS, default_pit=0.35),
-    "CrossGap-v0": _task("cross_gap", 3.3, **_CROSS),
-    "CrossGap-hard-v0": _task("cross_gap", 3.2, {"bottomless": True}, **_CROSS, default_pit=0.36),
-    "Climb-easy-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.03}}),
-    "Climb-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.05}}),
-    "Climb-hard-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.09}}),
-    "Reach-easy-v0": _task("reach", 1.4, {"distance": 0.6}, **_GUIDED),
-    "Reach-v0": _task("reach", 2.2, {"distance": 1.5}, **_GUIDED),
-    "Reach-hard-v0": _task("reach", 4.4, _PLACES, **_GUIDED),
-    "Traverse-easy-v0": _task("traverse", 2.7, {"share": 0.4}, **_FLAT),
-    "Traverse-v0": _task("traverse", 2.0, **_TRAVERSE),
-    "Traverse-hard-v0": _task("traverse", 2.0, **_SLIPPERY),
-    "Explore-easy-v0": _task("explore", 2.8, {"share": 0.4}, **_LONE),
-    "Explore-v0": _task("explore", 4.4, {"share": 0.7}, **_LONE),
-    "Explore-hard-v0": _task("explore", 5.4, {"share": 0.9}, **_LONE),
-    "Recover-easy-v0": _task("recover", 1.7, {"least": 1.3, "most": 1.6}, **_FALLEN),
-    "Recover-v0": _task("recover", 1.9, {"least": 1.5, "most": 1.9}, **_FALLEN),
-    "Recover-hard-v0": _task("recover", 2.6, {"least": 2.4}, **_FALLEN),
+    "CrossGap-easy-v0": _task("cross_gap", 3.3, **_ROW),
+    "CrossGap-v0": _task("cross_gap", 3.0, **_ROW, default_organism=5, default_pit=0.35),
+    "Climb-easy-v0": _task("climb", 2.6, **_CLIMB, default_organism=3),
+    "Climb-v0": _task("climb", 2.6, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.07}}),
+    "Climb-hard-v0": _task(
+        "climb", 2.6, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.09}}
+    ),
+    "Traverse-v0": _task("traverse", 4.7, **_ROW, arena="gsrm"),
+    "Reach-easy-v0": _task("reach", 2.2, {"distance": 1.5}, **_LONE, sensors=(*DEFAULT_SENSORS, "goal")),
 }
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     f"symbrion_gym/{name}": options for name, (options, _) in _SPECS.items()

@@ -36,6 +36,7 @@ TRIALS = 10  # Trials of an entry, on the scan and in the truth each
 SCORING = Scoring(module=0.0)
 """The fitness of a score: progress [m], 1 for a success rate of 1, less the effort."""
 _TOLD = ("name", "version", "sensors", "parameters", "lower", "upper", "initial")
+_PATIENCE = 300.0  # A controller that answers later than this hangs [s]
 _LONGEST = 1 << 24  # Bytes of an answer of a controller
 
 
@@ -188,6 +189,10 @@ class _Outside:
         return numbers.reshape(len(observation), -1), np.zeros_like(state)
 
     def _receive(self) -> bytes:
+        if not self._connection.poll(_PATIENCE):
+            raise RunError(
+                f"the process of the controller has not answered for {_PATIENCE:g} s; it was ended"
+            )
         try:
             return self._connection.recv_bytes(_LONGEST)
         except (EOFError, OSError) as error:

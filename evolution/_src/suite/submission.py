@@ -14,7 +14,7 @@ from typing import Any
 
 from evolution._src.backends.settings import read_organism
 from evolution._src.errors import RunError
-from evolution._src.suite.tasks import BUDGET, LARGEST, VERSION, SuiteTask, find_suite_task
+from evolution._src.suite.tasks import BUDGET, VERSION, SuiteTask, find_suite_task
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.typed_json import JsonError, as_type, read_json
@@ -90,12 +90,8 @@ def _check_entry(entry: Entry) -> None:
     from symbrion_gym._src.robot.body_plans import organism_to_text
 
     task, organism = find_suite_task(entry.task), read_organism(entry.body)
-    if task.body is not None and organism_to_text(read_organism(task.body)) != organism_to_text(organism):
+    if organism_to_text(read_organism(task.body)) != organism_to_text(organism):
         raise RunError(f"{entry.task}: the body is {entry.body!r}, and the task gives {task.body!r}")
-    if task.body is None and organism.num_modules > LARGEST:
-        raise RunError(
-            f"{entry.task}: the body has {organism.num_modules} modules; at most {LARGEST} are allowed"
-        )
     if not all(isfinite(value) for value in entry.genotype):
         raise RunError(f"{entry.task}: the genotype is not finite")
     if not 0.0 <= entry.seconds <= 2 * BUDGET:

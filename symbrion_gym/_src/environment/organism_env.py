@@ -72,7 +72,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     distance that the head's tracks run, times the cosine of its pitch. It does not contain slip, `start_offset`, `yaw`
     and `stretch`. `goal_direction` is an estimate likewise, in the plane: the speeds of all tracks and the tilt of the
     modules turn and move a pose from the start on the map. `goal` is the truth. In tasks without a place to head
-    for, as in Explore, `goal` is zero and `goal_direction` 100 m ahead of the start.
+    for, as in Recover, `goal` is zero and `goal_direction` 100 m ahead of the start.
 
     ## Reward
 

@@ -18,10 +18,10 @@ from reconstruction._src.geometry.pose import make_rotation, to_rotation
 from symbrion_gym._src.arenas.placed_objects import find_object
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.explore import AreaRoute, SeeGround, StandUp
 from symbrion_gym._src.tasks.goals import PassFinish
 from symbrion_gym._src.tasks.paths import PathRoute
 from symbrion_gym._src.tasks.reach import DockAtObject, ReachObject, ReachPlaces
+from symbrion_gym._src.tasks.stand_up import StandUp
 from symbrion_gym._src.tasks.state import Scene
 from symbrion_gym._src.tasks.task import Task
 
@@ -45,7 +45,6 @@ _SPEED_SLACK = 0.06  # What it may be ahead of their path besides, for falling f
 _FALL_LEAD = 1.0
 """What it may be ahead besides until the end is held, per meter by which the mean height of its modules is below that
 of the highest: so far it slides at a friction of 1, pulled by what hangs. At the end nothing is excused."""
-_CELL = 0.75  # A body that looks at the ground from the middle of cells may be this many cells off
 _SLACK_ANGLE = np.deg2rad(1.0)
 """The coordinates are read at the end of a tick, the success check reads poses one physics step older."""
 _SLACK = 0.002
@@ -247,8 +246,6 @@ def _find_bad_goal(motion: Motion, scene: Scene, goal: object) -> list[str]:
         return _find_object_missed(motion, scene, goal) + _find_not_reached(motion, scene, goal)
     if isinstance(goal, ReachPlaces):
         return _find_not_reached(motion, scene, goal)
-    if isinstance(goal, SeeGround):
-        return _find_unseen(motion, scene, goal)
     if isinstance(goal, StandUp):
         return []
     raise TaskError(f"there is no audit for {goal!r}; write one like `symbrion_gym._src.tasks.audit`")
@@ -280,16 +277,6 @@ def _find_not_reached(motion: Motion, scene: Scene, goal: ReachPlaces) -> list[s
     if away > tolerance + _HOLD_TIME * scout.track_speed:
         return [f"the body ends {1000 * away:.0f} mm from the place"]
     return []
-
-
-def _find_unseen(motion: Motion, scene: Scene, goal: SeeGround) -> list[str]:
-    from scipy.spatial import cKDTree
-
-    route = scene.route
-    assert isinstance(route, AreaRoute)
-    away, _ = cKDTree(motion.centers[:, 0, :2]).query(route.places)
-    share = float(np.mean(away <= route.sight + _CELL * route.edge))
-    return [] if share >= goal.share else [f"only {share:.0%} of the ground was seen"]
 
 
 def _find_object_missed(motion: Motion, scene: Scene, goal: ReachObject) -> list[str]:

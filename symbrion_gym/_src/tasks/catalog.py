@@ -11,10 +11,10 @@ import numpy as np
 
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.errors import OptionError, TaskError
-from symbrion_gym._src.tasks.explore import SeeGround, StandUp
 from symbrion_gym._src.tasks.goals import BeyondGap, FarEnd, OnTop, PassFinish
 from symbrion_gym._src.tasks.reach import DOCK_TOLERANCE, DockAtObject, ReachObject, ReachPlaces
 from symbrion_gym._src.tasks.route import Point, Start, StartName
+from symbrion_gym._src.tasks.stand_up import StandUp
 from symbrion_gym._src.tasks.task import Task
 from symbrion_gym._src.tasks.terms import (
     FellOff,
@@ -34,9 +34,9 @@ _LEAST_STEP = 0.02  # Smallest progress across a pit that counts as such [m]
 class UsualTerms:
     """Parameters of every task; they are parameters of the functions that make tasks, too."""
 
-    # an episode is truncated after this [s]; 180 for "explore", 120 for "traverse", 30 for "recover"
+    # an episode is truncated after this [s]; 120 for "traverse", 30 for "recover"
     duration: float = 90.0
-    # time without progress after which it is truncated as well [s]; 20 for "explore"
+    # time without progress after which it is truncated as well [s]
     stuck_time: float = 15.0
     # smallest progress that counts as such, in the unit of the goal; None for a fifth of a module's length,
     # in "recover" for a change of the mean uprightness by 0.05, in "snake_pit" for 0.02 m
@@ -138,18 +138,6 @@ def make_dock(
     return UsualTerms(**terms).make_task("dock", Start(start), target)
 
 
-def make_explore(
-    share: float = 0.6, sight: float | None = None, start: StartName | Point = "floor", **terms: Any
-) -> Task:
-    """Make the task of seeing the ground that the body can reach.
-
-    Success: a share of the ground seen, then every module upright and on the ground, the body no farther from its
-    start than its tracks can have taken it, for 0.3 s.
-    """
-    usual = UsualTerms(**{"duration": 180.0, "stuck_time": 20.0, **terms})
-    return usual.make_task("explore", Start(start), SeeGround(share, sight))
-
-
 def make_recover(
     least: float = 2.0, most: float = np.pi, start: StartName | Point = "floor", **terms: Any
 ) -> Task:
@@ -171,7 +159,6 @@ TASKS: dict[str, Callable[..., Task]] = {
     "reach": make_reach,
     "dock": make_dock,
     "traverse": make_traverse,
-    "explore": make_explore,
     "recover": make_recover,
 }
 """Name -> function that makes the task of its parameters."""

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.ndimage import grey_closing
 
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.arenas.arena import Arena
@@ -20,6 +21,7 @@ from symbrion_gym._src.tasks.state import TaskState
 
 OBSTACLES = ("stairs", "step", "ramp")
 _SAMPLES = 0.02  # Spacing of the heights along the way [m]
+_BRIDGE = 0.6  # A body may bridge gaps of this share of the distance from its first module to its last
 _CLIMB = 1.2  # A body rears up or lowers itself over walls of this share of a module's height at most
 
 
@@ -179,6 +181,8 @@ def _find_obstacle(kind: str, arena: Arena, organism: Organism) -> tuple[Way, fl
 class FarEnd(PassFinish):
     """Get every module to the far end of the ground straight ahead: to its rim, or to a wall or drop on it.
 
+    A gap narrower than 0.6 of the distance from the first module to the last is no end: the body may bridge it.
+
     Raises:
         TaskError: the share is not above 0 and up to 1.
     """
@@ -196,11 +200,13 @@ class FarEnd(PassFinish):
             return replace(route, pit=None)
         reach = float(np.linalg.norm(np.ptp(np.asarray(arena.surface.bounds), axis=0)[:2]))
         s = np.arange(route.start, route.start + reach, _SAMPLES)
-        heights = arena.height(*route.place(s))
-        wall = _CLIMB * organism.scout.size[2]
-        ends = np.flatnonzero(~np.isfinite(heights[1:]) | (np.abs(np.diff(heights)) > wall))
+        wall, tail = _CLIMB * organism.scout.size[2], find_tail(organism)
+        heights = np.nan_to_num(arena.height(*route.place(s)), nan=-np.inf)
+        heights = grey_closing(heights, max(1, round(_BRIDGE * tail / _SAMPLES)))
+        with np.errstate(invalid="ignore"):
+            steps = np.abs(np.diff(heights))
+        ends = np.flatnonzero(~(steps <= wall))
         end = s[ends[0]] if len(ends) else s[-1]
-        tail = find_tail(organism)
         room = end - organism.scout.arm_reach - tail - route.start
         return replace(route, finish=float(route.start - tail + self.share * max(room + tail, 0.0)), pit=None)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -84,23 +84,12 @@ class HostArrays:
         """Change what a term remembers in some simulations; see `TaskState.remember`."""
         np.copyto(self.memory[name], values, where=where)
 
-    def group(self, mask: Bool[np.ndarray, " N"]) -> Iterator[tuple[Scene, Int[np.ndarray, " M"]]]:
-        """Yield each scene in which something is so, and in which of its simulations; on a device all of them."""
-        rows = np.flatnonzero(mask)
-        for members in self._group_rows(rows):
-            yield self.scenes[rows[members[0]]], rows[members]
-
     def _group_rows(self, rows: Int[np.ndarray, " M"]) -> list[list[int]]:
         """Return the indices of simulations in the same scene, of those in `rows`."""
         groups: dict[int, list[int]] = {}
         for index, row in enumerate(rows.tolist()):
             groups.setdefault(id(self.scenes[row]), []).append(index)
         return list(groups.values())
-
-    def write(self, name: str, place: Any, values: Any, where: Bool[np.ndarray, " N"]) -> None:
-        """Change entries of what a term remembers, in simulations that `group` yielded."""
-        del where
-        self.memory[name][place] = values
 
 
 class Views(NamedTuple):

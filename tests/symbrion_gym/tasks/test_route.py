@@ -256,11 +256,20 @@ def test_a_goal_at_the_start_is_refused_with_the_least_distance():
     lone = {"modules": 1, "start": (-2.5, 0.0)}
     message = r"goal \(-2.\d+, -?0.0\d\) is 0.0\d m from the middle .* within 0.1\d m; give one at least 0.16 m away"
     with pytest.raises(TaskError, match=message):
-        make("Reach-v0", goal=(-2.45, 0.0), **lone)
+        make("Reach-easy-v0", goal=(-2.45, 0.0), **lone)
     with pytest.raises(TaskError, match=r"distance 0.05 m is too short, .* at least 0.16 m"):
-        make("Reach-v0", distance=0.05, modules=1)
-    make("Reach-v0", goal=(-2.2, 0.0), **lone)
-    make("Reach-v0", places=((-2.0, 0.0),), goal=(-2.5, 0.0), **lone)
-    make("Reach-v0", goal=(-2.35, 0.0), tolerance=0.03, **lone)
+        make("Reach-easy-v0", distance=0.05, modules=1)
+    make("Reach-easy-v0", goal=(-2.2, 0.0), **lone)
+    make("Reach-easy-v0", places=((-2.0, 0.0),), goal=(-2.5, 0.0), **lone)
+    make("Reach-easy-v0", goal=(-2.35, 0.0), tolerance=0.03, **lone)
     with pytest.raises(TaskError, match=r"0.05 m ahead of the head at the start; give one at least 0.1\d m"):
         make("SnakePit-v1", start=(-2.5, 0.0), goal=(-2.45, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("modules", "pit", "is_bridged"), [(8, 0.45, True), (4, 0.45, False), (8, 0.6, False)]
+)
+def test_a_traverse_goes_on_beyond_a_gap_that_the_body_may_bridge(modules, pit, is_bridged):
+    env = gym.make("symbrion_gym/Traverse-v0", arena="truth", pit=pit, modules=modules).unwrapped
+    assert (env.world.route.finish > pit / 2) == is_bridged  # pyright: ignore
+    assert (env.world.route.finish > -pit / 2) == is_bridged  # pyright: ignore

@@ -78,7 +78,7 @@ def test_what_cannot_be_restored_is_refused():
         (lambda: Start(roll=(1.0, 0.0)), "low, high"),
         (lambda: make_task("fly"), "there are: snake_pit, cross_gap"),
         (lambda: make_task("climb", obstacle="tree"), "obstacle"),
-        (lambda: make_task("explore", share=0.0), "share"),
+        (lambda: make_task("traverse", share=0.0), "share"),
         (lambda: make_task("traverse", share=1.1), "share"),
         (lambda: make_task("reach", tolerance=0.0), "tolerance"),
     ],

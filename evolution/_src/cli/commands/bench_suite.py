@@ -12,7 +12,7 @@ from evolution._src.cli.console import Console
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count
 
-METHODS = Literal["zero", "random", "cmaes", "surrogate"]
+METHODS = Literal["zero", "random", "cmaes", "path"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -64,7 +64,7 @@ class BenchSuite(TrustingCommand):
     def _list(self, console: Console) -> dict[str, Any]:
         from evolution._src.suite.tasks import BUDGET, SUITE
 
-        rows = [[task.name, task.arena, "free" if task.body is None else str(task.body)] for task in SUITE]
+        rows = [[task.name, task.arena, str(task.body)] for task in SUITE]
         console.show_table(f"Tasks, {BUDGET:.0f} s each", ["task", "arena", "body"], rows)
         return {"tasks": [task.name for task in SUITE], "budget": BUDGET}
 

@@ -63,7 +63,7 @@ class Evolve(SeededCommand):
     organism: str | None = None
     """The body in place of --modules: a body plan, the name of a shape (cross, H), or a file of one."""
     task: str | None = None
-    """What to do: cross_gap, climb, traverse, reach, recover or explore, or "module:name" of a task of yours."""
+    """What to do: cross_gap, climb, traverse, reach or recover, or "module:name" of a task of yours."""
     start: Literal[STARTS] | Place | None = None  # pyright: ignore[reportInvalidTypeForm]
     """Where a trial begins: a name, or X Y [m]."""
     goal: Place | str | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -178,18 +178,6 @@ class DeviceState:
         """Change what a term remembers in some simulations."""
         before: Any = self.memory[name]
         self.memory[name] = select(where, values, before).astype(before.dtype)
-
-    def group(self, mask: Bool[Any, " N"]) -> Iterator[tuple[Scene, Int[Any, " N"]]]:
-        """Yield the scene of all simulations, with all of them."""
-        del mask
-        yield self._scene, jnp.arange(self.num)
-
-    def write(self, name: str, place: Any, values: Any, where: Bool[Any, " N"]) -> None:
-        """Change entries of what a term remembers, in the simulations where `where` holds."""
-        before: Any = self.memory[name]
-        rows = place[0] if isinstance(place, tuple) else place
-        after = jnp.where(where[rows], values, before[place]).astype(before.dtype)
-        self.memory[name] = before.at[place].set(after, unique_indices=True)
 
     def may_hold(self, mask: Bool[Any, " N"]) -> bool:
         """Return True: looking would wait for the device."""

@@ -1,10 +1,8 @@
 """Reaching and exploring on a device beside the host: the same terms, fed with the same physics or the same states."""
 
 from dataclasses import replace
-from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import trimesh
@@ -13,9 +11,8 @@ from device_beside_host import RANDOM, Both, run
 import symbrion_gym as sg
 from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.environment.config import EnvironmentConfig
-from symbrion_gym._src.environment.warp.state import DeviceGround, DeviceState
+from symbrion_gym._src.environment.warp.state import DeviceGround
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.tasks.state import HostArrays
 
 SENSES = ("pitch", "goal", "goal_direction")
 DRIVEN = {"track_control": "skid", "sensors": SENSES}
@@ -36,18 +33,6 @@ def test_the_way_around_corners_is_as_long_as_on_the_host():
     run(Both(modules=3, task="reach", distance=0.8, randomize=RANDOM, sensors=SENSES), 60, -1.0, 1.0)
 
 
-def test_ground_is_seen_as_on_the_host():
-    options = {"arena": "gsrm", "task": "explore", "modules": 1, "start": (-2.0, 0.0), "share": 0.12}
-    both = Both(randomize=RANDOM, **options, **DRIVEN)
-    run(both, 200, 0.6, 1.0)
-    assert both.info["success"].all()
-    assert both.info["time"].min() > 1.0, "not at the start"
-    (seen,) = (value for name, value in both.episode.memory.items() if name.startswith("explore_seen"))
-    area = np.asarray(both.episode.memory["explore_area"])
-    assert (area >= 0.12 * both.envs.world.route.area - 1e-6).all()
-    assert (np.asarray(seen).sum(axis=1) * both.envs.world.route.edge**2 >= area - 1e-6).all()
-
-
 @pytest.mark.parametrize("task", ["reach", "dock"])
 def test_an_object_is_reached_as_on_the_host(task):
     box, facing = trimesh.creation.box((0.2, 0.2, 0.2)), np.diag([-1.0, -1.0, 1.0])
@@ -57,40 +42,6 @@ def test_an_object_is_reached_as_on_the_host(task):
     both = Both(task=task, modules=1, track_control="body", **options)
     run(both, 200, 1.0, 1.0)
     assert both.info["success"].all()
-
-
-class Looks(HostArrays):
-    """What the goal of exploring asks of a state."""
-
-    def __init__(self, scenes: Any, position: Any, tick: Any) -> None:
-        self.memory: dict[str, Any] = {}
-        self.scenes, self.position, self.tick = scenes, position, tick
-
-    def remember(self, name: str, initial: Any) -> Any:
-        """Return what is remembered, once begun."""
-        shape = len(self.tick), *np.shape(initial)
-        return self.memory.setdefault(name, np.array(np.broadcast_to(initial, shape)))
-
-
-def test_each_simulation_looks_at_its_own_time():
-    """Ticks differ after automatic resets; places may be outside the ground, or no numbers."""
-    world = World(EnvironmentConfig(arena="gsrm", task="explore", modules=1, start=(-2.0, 0.0)))
-    goal, rng = world.task.goal, np.random.default_rng(0)
-    tick, low, high = np.array([0.0, 3.0, 4.0, 5.0, 11.0, 20.0]), *world.arena.surface.bounds
-    position = np.zeros((len(tick), 1, 3))
-    host = Looks([world.scene] * len(tick), position, tick)
-    device = DeviceState(world, len(tick))
-    goal.progress(host)  # pyright: ignore
-    device.memory = {name: jnp.asarray(values) for name, values in host.memory.items()}
-    for _ in range(12):
-        position[:, 0, :2] = rng.uniform(low[:2] - 0.5, high[:2] + 0.5, (len(tick), 2))
-        position[1, 0, 0] = np.inf if rng.random() < 0.5 else np.nan
-        device.position, device.tick = jnp.asarray(position, jnp.float32), jnp.asarray(tick, jnp.float32)
-        np.testing.assert_allclose(goal.progress(device), goal.progress(host), rtol=1e-6)  # pyright: ignore
-        for name, values in host.memory.items():
-            np.testing.assert_allclose(device.memory[name], values, rtol=1e-6)
-        tick += 1.0
-    assert len(set(goal.progress(host).tolist())) > 3  # pyright: ignore
 
 
 @pytest.mark.parametrize("arena", ["truth", "gsrm"])
