@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from evolution._src.controllers.finding import find_controller
     from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
     from evolution._src.errors import EvolutionError, RunError
+    from evolution._src.experiments.train import Training, train
     from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig, LearningConfig
     from evolution._src.search.bodies.genome import BodyGenome
     from evolution._src.search.cmaes import Run
@@ -48,6 +49,7 @@ __all__ = [
     "Run",
     "RunError",
     "Scoring",
+    "Training",
     "Validation",
     "confirm",
     "evaluate",
@@ -61,6 +63,7 @@ __all__ = [
     "play",
     "resume",
     "resume_bodies",
+    "train",
 ]
 
 __getattr__, __dir__ = export_lazily(__name__)

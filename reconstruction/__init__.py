@@ -34,7 +34,7 @@ if TYPE_CHECKING:
         remove_mixed_pixels,
         smooth_ranges,
     )
-    from reconstruction._src.scans.scan import ScanLog, load_scan_log
+    from reconstruction._src.scans.scan import ScanLog, is_scan_log, load_scan_log
     from reconstruction._src.scans.selection import crop, find_crop_box, thin
     from reconstruction._src.scans.slip_readings import SlipReadings
     from reconstruction._src.surfaces.quality import Quality, measure_quality
@@ -65,6 +65,7 @@ __all__ = [
     "find_crop_box",
     "find_objects",
     "is_mesh",
+    "is_scan_log",
     "level_floor",
     "load_cloud",
     "load_depth_image",

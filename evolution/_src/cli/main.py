@@ -1,7 +1,8 @@
 """The command `symbrion`: one subcommand for each step of the pipeline, and `demo` for all of them.
 
-Exit codes: 0 success, 1 the work failed, 2 wrong usage, 3 an accuracy was missed under `--strict`, 130 interrupted by
-the keyboard. Errors are one line on standard error; results go to standard output, as JSON with `--json`.
+Exit codes: 0 success, 1 the work failed, 2 wrong usage, 3 an arena is not good throughout under `--strict`, 130
+interrupted by the keyboard. Errors are one line on standard error; results go to standard output, with `--json` as
+JSON.
 """
 
 import contextlib

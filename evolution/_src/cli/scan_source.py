@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 import reconstruction as rc
 from evolution._src.cli.command import SeededCommand, UsageError, require_file
-from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError, find_npz_names
+from reconstruction._src.base.bounded_read import MAX_BYTES
 from reconstruction._src.base.range_checks import format_extents
 
 Box = tuple[float, float, float, float, float, float]
@@ -125,7 +125,7 @@ class ScanCommand(FrameCommand):
 
     def _read_log(self) -> rc.ScanLog | None:
         """Return the scan log that SCAN is, or None where it is something else."""
-        if self.intrinsics is not None or not is_scan_log(self.source):
+        if self.intrinsics is not None or not rc.is_scan_log(self.source):
             return None
         given = [name for name in ("up", "viewpoint") if getattr(self, name)] + ["scale"] * (self.scale != 1)
         if given:
@@ -156,16 +156,6 @@ class ScanCommand(FrameCommand):
                 "--scale; --crop auto drops stray points"
             )
         return cloud
-
-
-def is_scan_log(path: Path) -> bool:
-    """Return whether a file contains scans with poses, rather than points."""
-    if path.suffix == ".3d":
-        return path.with_suffix(".pose").is_file()
-    try:
-        return path.suffix == ".npz" and "ranges" in find_npz_names(path)
-    except UnreadableFileError:
-        return False
 
 
 def _crop(cloud: rc.Cloud, box: Float[np.ndarray, "2 3"] | None) -> rc.Cloud:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -13,27 +12,10 @@ from typing import Protocol
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.errors import RunError
+from evolution._src.experiments.folders import refuse_foreign_files, write_json
 from evolution._src.search.run import RunFolder
-from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
 from symbrion_gym._src.sensing.survey import SPACING
-
-
-def refuse_foreign_files(folder: Path, marker: str, names: Iterable[str]) -> None:
-    """Refuse a folder in which a command would overwrite files that it did not write."""
-    links = [name for name in (marker, *names) if (folder / name).is_symlink()]
-    if links:
-        raise RunError(f"{folder / links[0]} is a link to elsewhere; name another folder, or move the link")
-    if (folder / marker).is_file():
-        return
-    existing = [name for name in (marker, *names) if os.path.lexists(folder / name)]
-    if existing:
-        raise RunError(
-            f"{folder} contains {', '.join(existing)}, which would be overwritten, but no {marker} to show that this "
-            "command wrote them; name another folder, or move them"
-        )
-
 
 MARKER = "demo.json"  # The file that the demo writes first; it shows that the folder is a demo's
 OUTPUTS = ("survey.npz", "cloud.ply", "gsrm.npz", "gg.npz", "arenas/gsrm", "arenas/gg", "run", "report.html")
@@ -147,8 +129,7 @@ def claim_folder(config: DemoConfig) -> None:
         raise ev.RunError(f"{marker} was not written by a demo; name another folder, or move it")
     refuse_foreign_files(config.folder, MARKER, OUTPUTS)
     config.folder.mkdir(parents=True, exist_ok=True)
-    with write_atomically(marker) as beside:
-        beside.write_text(json.dumps(content, indent=2) + "\n")
+    write_json(marker, content)
 
 
 def _evolve(config: DemoConfig, progress: rc.Progress) -> ev.Run:

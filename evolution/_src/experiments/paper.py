@@ -8,17 +8,14 @@ of its points, arenas of their surfaces, an evolution in one of them, and what p
 import copy
 import dataclasses
 import datetime
-import json
 import logging
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import filelock
 import gymnasium
 import numpy as np
 import trimesh
@@ -31,7 +28,8 @@ import symbrion_gym as sg
 from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import make_controller
 from evolution._src.errors import RunError
-from evolution._src.experiments.demo import Track, find_insufficient, refuse_foreign_files
+from evolution._src.experiments.demo import Track, find_insufficient
+from evolution._src.experiments.folders import write_json
 from evolution._src.report.body_page import describe_machine
 from evolution._src.report.video import encode_video
 from evolution._src.search.run import RunFolder
@@ -141,43 +139,6 @@ def run_experiments(
                 write_json(path, _time_work(partial(work, folder, sizes, seed), step.progress))
         results[name] = read_result(path)
     return results
-
-
-def claim_folder(folder: Path, options: Result) -> None:
-    """Write the options into a new folder, or refuse one with others."""
-    path = folder / MARKER
-    if not path.is_file():
-        refuse_foreign_files(folder, MARKER, OUTPUTS)
-        write_json(path, options)
-    try:
-        found = read_json(path)
-    except JsonError as error:
-        raise RunError(f"{path}: {error}; name another folder, or remove this one") from error
-    if found != options:
-        raise RunError(
-            f"{path} describes other options than {options}; name another folder, or remove this one"
-        )
-
-
-@contextmanager
-def lock_folder(folder: Path) -> Iterator[None]:
-    """Lock a folder against other writers."""
-    lock = filelock.FileLock(folder / ".lock")
-    try:
-        lock.acquire(timeout=0)
-    except filelock.Timeout:
-        raise RunError(f"{folder} is being written by another run; wait, or name another folder") from None
-    try:
-        yield
-    finally:
-        lock.release()
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write content as a JSON file, atomically."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as beside:
-        beside.write_text(json.dumps(content, indent=2) + "\n")
 
 
 def read_result(path: Path) -> Result:

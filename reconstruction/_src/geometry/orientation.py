@@ -31,6 +31,8 @@ _INSIDE = 0.5
 """A closed component winds once around what is in it; one with a door or without a ceiling more than this."""
 _LEVEL = 0.9
 """A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
+_MOST_LEVEL, _LEAST_LEVEL = 4.0, 0.25
+"""Another axis than z points up where so many times more area is level along it, and this share of all area."""
 _LOWEST = 0.15  # The bottom of a surface is this share of its height
 _LARGEST = 2.0**30  # Flows are 32-bit integers; the sum of the capacities at a face stays below
 
@@ -141,6 +143,31 @@ def looks_down_below(vertices: Vertices, faces: Faces) -> bool:
     is_low = height < low + _LOWEST * (high - low)
     below, above = (float(cross[is_level & chosen, 2].sum()) for chosen in (is_low, ~is_low))
     return below < 0.0 < above
+
+
+def measure_level_areas(vertices: Vertices, faces: Faces) -> Float[np.ndarray, " 3"]:
+    """Return the share of the area whose normal lies along x, along y and along z, to 25 degrees."""
+    cross = compute_area_vectors(vertices, faces)
+    area = compute_lengths(cross)
+    is_level = np.abs(cross) > _LEVEL * area[:, None]
+    return (area[:, None] * is_level).sum(axis=0) / max(float(area.sum()), np.finfo(float).tiny)
+
+
+def find_up_axis(vertices: Vertices, faces: Faces) -> str | None:
+    """Return the axis that points up where it is not z beyond doubt: most of what is level lies along it.
+
+    Of its two directions that one in which more of the level area lies low, as floors do.
+    """
+    shares = measure_level_areas(vertices, faces)
+    axis = int(shares.argmax())
+    if shares[axis] < max(_LEAST_LEVEL, _MOST_LEVEL * shares[2]):
+        return None
+    cross, height = compute_area_vectors(vertices, faces), vertices[faces].mean(axis=1)[:, axis]
+    area = compute_lengths(cross)
+    area = np.where(np.abs(cross[:, axis]) > _LEVEL * area, area, 0.0)
+    middle = (height.min() + height.max()) / 2
+    is_low = float(area[height < middle].sum()) >= float(area[height >= middle].sum())
+    return f"{'' if is_low else '-'}{'xyz'[axis]}"
 
 
 def _count_turns(vertices: Vertices, faces: Faces, viewpoints: Float[np.ndarray, "K 3"]) -> float:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from jaxtyping import Float, Shaped
+from jaxtyping import Bool, Float, Shaped
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.atomic_write import write_atomically
@@ -163,9 +163,11 @@ def _make_cloud(
     scale: float = 1.0,
     viewpoints: ArrayLike | None = None,
 ) -> Cloud:
-    """Return the finite points of a file in meters with z up."""
+    """Return the finite points of a file in meters with z up, without beams that did not return."""
     finite = np.isfinite(raw.points).all(axis=1)
-    chosen = slice(None) if finite.all() else finite
+    missed = _find_missed(raw) & finite
+    is_kept = finite & ~missed
+    chosen = slice(None) if is_kept.all() else is_kept
     try:
         cloud = Cloud(
             to_meters(raw.points[chosen], raw, unit, up, scale),
@@ -177,7 +179,10 @@ def _make_cloud(
             cloud = cloud.replace(viewpoints=viewpoints, seen_from=None)
     except ScanError as error:
         raise ScanError(f"{path}: {error}") from error
-    num_dropped = len(raw.points) - cloud.num_points + raw.num_ignored
+    num_dropped = int((~finite).sum()) + raw.num_ignored
+    if missed.any():
+        text = "%s: dropped %d beams without return, which stand where the sensor stood, kept %d"
+        _logger.warning(text, path, missed.sum(), cloud.num_points)
     if num_dropped:
         _logger.warning(
             "%s: dropped %d rows that are not finite or marked as noise, kept %d",
@@ -186,6 +191,15 @@ def _make_cloud(
             cloud.num_points,
         )
     return cloud
+
+
+def _find_missed(raw: RawPoints) -> Bool[np.ndarray, " N"]:
+    """Return which readings stand at the origin or at their own viewpoint, where these are more than one: no return."""
+    missed = ~raw.points.any(axis=1)
+    if raw.viewpoints is not None and (raw.seen_from is not None or len(raw.viewpoints) == 1):
+        rows = 0 if raw.seen_from is None else raw.seen_from
+        missed |= (raw.points == raw.viewpoints[rows]).all(axis=1)
+    return missed & (missed.sum() > 1)
 
 
 def _read_raw(path: Path, max_bytes: float) -> RawPoints:

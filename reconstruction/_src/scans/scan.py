@@ -16,6 +16,7 @@ from reconstruction._src.base.bounded_read import (
     MAX_BYTES,
     BoundedFile,
     UnreadableFileError,
+    find_npz_names,
     open_bounded,
     read_npz,
 )
@@ -192,6 +193,17 @@ def _as_floats(name: str, value: ArrayLike, num_axes: int) -> Float[np.ndarray, 
     if array.ndim != num_axes:
         raise ScanError(f"{name} must have {num_axes} axes, not shape {array.shape}")
     return array
+
+
+def is_scan_log(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file contains scans with poses, rather than points."""
+    path = Path(path)
+    if path.suffix == ".3d":
+        return path.with_suffix(".pose").is_file()
+    try:
+        return path.suffix == ".npz" and "ranges" in find_npz_names(path)
+    except UnreadableFileError:
+        return False
 
 
 def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> ScanLog:

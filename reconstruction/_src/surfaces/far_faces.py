@@ -7,6 +7,7 @@ the scanner looked through it, it is wrong, and need not be as far; anything bet
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +42,14 @@ _MOST_VIEWPOINTS = 16  # Beams from these viewpoints are looked at: those with m
 
 _CORNERS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3], [6], [6], [6]])
 """Samples of a face: its middle, and half the way from there to each corner."""
+
+
+def select_faces(
+    vertices: Vertices, faces: Faces, is_chosen: Callable[[Points], Bool[np.ndarray, " N"]]
+) -> Bool[np.ndarray, " F"]:
+    """Return the faces of which half or more of four samples are chosen."""
+    samples = np.einsum("sc,fci->fsi", _CORNERS, vertices[faces])
+    return is_chosen(samples.reshape(-1, 3)).reshape(-1, len(_CORNERS)).mean(axis=1) >= _SHARE
 
 
 class CutMesh(NamedTuple):

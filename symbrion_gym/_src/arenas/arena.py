@@ -38,6 +38,7 @@ from symbrion_gym._src.arenas.texture import (
     make_texture,
     paint_course,
 )
+from symbrion_gym._src.arenas.verdict import Verdict, find_verdict
 from symbrion_gym._src.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.errors import ArenaError
@@ -75,6 +76,7 @@ class Arena:
         primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them
             and the rest of the surface, and the solid ones are the last of the pieces.
         objects: known objects in it; `symbrion_gym.place_objects` adds those that were found.
+        unseen: numbers of the faces of the surface that no reading confirms: nobody can drive there.
 
     Raises:
         ArenaError: name, friction or kind is out of range, the kind does not go with the height field, or the height
@@ -96,6 +98,7 @@ class Arena:
     friction_map: FrictionMap | None = None
     primitives: Primitives | None = None
     objects: tuple[PlacedObject, ...] = ()
+    unseen: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         check_names(self.name, self.friction_source)
@@ -176,7 +179,7 @@ class Arena:
         return {}
 
     def traversability(self, body: Organism | Footprint | None = None) -> TraversabilityMap:
-        """Map where a body can drive: on the contact geometry, under ceilings, never on top of them.
+        """Map where a body can drive: on contact geometry that was seen, under ceilings, never on top of them.
 
         The map is made once for each footprint.
 
@@ -190,9 +193,28 @@ class Arena:
         footprint = Footprint.of(body, self.friction)
         if footprint not in self._maps:
             self._maps[footprint] = find_traversability(
-                self.surface, self.pieces, self.height_field, footprint
+                self.seen_surface, self.pieces, self.height_field, footprint
             )
         return self._maps[footprint]
+
+    @cached_property
+    def seen_surface(self) -> trimesh.Trimesh:
+        """The surface without the faces that no reading confirms."""
+        if not self.unseen:
+            return self.surface
+        faces = np.delete(np.asarray(self.surface.faces), self.unseen, axis=0)
+        return trimesh.Trimesh(self.surface.vertices, faces, process=False)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether it is good for a Scout, and why not."""
+        contact = self.pieces if self.height_field is None else self.height_field
+        try:
+            ground = self.traversability()
+        except ArenaError:  # there is none
+            ground = None
+        accuracy = float(self.provenance.get("accuracy", 0.0))
+        return find_verdict(self.surface, self.seen_surface, contact, self.quality, accuracy, ground)
 
     def find_route(
         self,
@@ -267,6 +289,9 @@ class Arena:
             about["primitives"] = primitives_to_dict(self.primitives)
         if self.objects:
             about["objects"] = [each.as_dict() for each in self.objects]
+        if self.unseen:
+            about["unseen"] = list(self.unseen)
+        about["verdict"] = self.verdict.as_dict()
         save_arena(folder, self.geometry, about)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:
@@ -301,7 +326,11 @@ class Arena:
         Raises:
             ArenaError: there is no arena in the folder, or a damaged one.
         """
-        return cls(**load_arena_folder(folder))
+        fields = load_arena_folder(folder)
+        verdict, arena = fields.pop("verdict"), cls(**fields)
+        if verdict is not None:
+            arena.__dict__["verdict"] = verdict  # where `cached_property` keeps it
+        return arena
 
 
 def color_arena(arena: Arena, cloud: Cloud) -> Arena:
@@ -350,14 +379,15 @@ def place_objects(arena: Arena, found: Iterable[Any], meshes: Mapping[str, trime
     return replace(arena, objects=tuple(placed))
 
 
-def stretch_arena(arena: Arena, factor: float) -> Arena:
+def stretch_arena(arena: Arena, factor: float, center: float = 0.0) -> Arena:
     """Return the arena with all lengths along x multiplied; boxes stay boxes, heights and objects as they are.
 
-    A survey measures lengths to about a centimeter.
+    A survey measures lengths to about a centimeter. What has x = `center` stays there [m]; of a course that is 0.
     """
     if factor == 1.0:
         return arena
     along, course, heights = np.array([factor, 1.0, 1.0]), arena.course, arena.height_field
+    shift = np.array([0.0 if course is not None else (1.0 - factor) * center, 0.0, 0.0])
     if isinstance(course, Course):
         patches = [(factor * x0, factor * x1, *rest) for x0, x1, *rest in course.friction_patches]
         lengths = {name: factor * getattr(course, name) for name in ("pit", "floor", "ramp", "plateau")}
@@ -366,27 +396,30 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
         lengths = {name: factor * getattr(course, name) for name in ("run", "floor", "plateau")}
         course = replace(course, **lengths)
     if heights is not None:
-        heights = heights._replace(low=heights.low * along[:2], high=heights.high * along[:2])
-    surface = trimesh.Trimesh(arena.surface.vertices * along, arena.surface.faces, process=False)
+        low, high = (edge * along[:2] + shift[:2] for edge in (heights.low, heights.high))
+        heights = heights._replace(low=low, high=high)
+    surface = trimesh.Trimesh(arena.surface.vertices * along + shift, arena.surface.faces, process=False)
     copy_vertex_colors(arena.surface, surface)
     return replace(
         arena,
-        pieces=[_stretch_piece(piece, along) for piece in arena.pieces],
+        pieces=[_stretch_piece(piece, along, shift) for piece in arena.pieces],
         surface=surface,
         course=course,
         height_field=heights,
-        friction_map=None if arena.friction_map is None else arena.friction_map.stretch(factor),
+        friction_map=None if arena.friction_map is None else arena.friction_map.stretch(factor, shift[0]),
         kind="convex" if arena.kind == "mixed" else arena.kind,
         primitives=None,
-        objects=tuple(replace(each, position=each.position * along) for each in arena.objects),
+        objects=tuple(replace(each, position=each.position * along + shift) for each in arena.objects),
     )
 
 
-def _stretch_piece(piece: trimesh.Trimesh, along: Float[np.ndarray, " 3"]) -> trimesh.Trimesh:
-    """Return a contact piece stretched; a box becomes the box with the same top, stretched."""
+def _stretch_piece(
+    piece: trimesh.Trimesh, along: Float[np.ndarray, " 3"], shift: Float[np.ndarray, " 3"]
+) -> trimesh.Trimesh:
+    """Return a contact piece stretched and moved; a box becomes the box with the same top, stretched."""
     box = find_box(piece)
     if box is None:
-        return trimesh.Trimesh(piece.vertices * along, piece.faces, process=False)
+        return trimesh.Trimesh(piece.vertices * along + shift, piece.faces, process=False)
     center, half_sizes, axes = box
     up = int(np.abs(axes[2]).argmax())
     others = [k for k in range(3) if k != up]
@@ -398,5 +431,5 @@ def _stretch_piece(piece: trimesh.Trimesh, along: Float[np.ndarray, " 3"]) -> tr
     top = center + axes[:, up] * np.sign(axes[2, up]) * half_sizes[up]
     frame = np.column_stack([first, np.cross(normal, first), normal])
     stretched = trimesh.creation.box(2 * np.array([*sizes, half_sizes[up]]))
-    middle = top * along - normal * half_sizes[up]
+    middle = top * along + shift - normal * half_sizes[up]
     return trimesh.Trimesh(stretched.vertices @ frame.T + middle, stretched.faces, process=False)

@@ -91,11 +91,11 @@ class FrictionMap:
         """Return the sliding friction at every place (x, y, ...), `friction` outside of all patches."""
         return np.array([*(patch.friction for patch in self.patches), friction])[self.find_patches(places)]
 
-    def stretch(self, factor: float) -> FrictionMap:
-        """Return the map with all lengths along x multiplied."""
+    def stretch(self, factor: float, shift: float = 0.0) -> FrictionMap:
+        """Return the map with all lengths along x multiplied, then moved along x [m]."""
         patches = []
         for patch in self.patches:
-            outlines = tuple(tuple((factor * x, y) for x, y in outline) for outline in patch.outlines)
+            outlines = tuple(tuple((factor * x + shift, y) for x, y in outline) for outline in patch.outlines)
             patches.append(replace(patch, outlines=outlines))
         return FrictionMap(tuple(patches), self.half_width)
 

@@ -28,6 +28,7 @@ from symbrion_gym._src.arenas.scanned import (
     add_scan_quality,
     find_doubts,
     find_two_sided,
+    find_unseen,
     repair_surface,
     take_surface,
 )
@@ -188,7 +189,6 @@ def make_arena(
         warnings.append(_NO_COLORS)
     for warning in warnings:
         logger.warning("%s", warning)
-    progress("done", 1.0)
     about = {
         "source": scanned.source,
         "num_faces": len(scanned.mesh.faces),
@@ -214,8 +214,12 @@ def make_arena(
         ground.source,
         friction_map=ground.friction_map,
         primitives=primitives,
+        unseen=find_unseen(mesh, scanned.points),
     )
-    return arena if scanned.colored is None else color_arena(arena, scanned.colored)
+    if scanned.colored is not None:
+        arena = color_arena(arena, scanned.colored)
+    progress(str(arena.verdict), 1.0)
+    return arena
 
 
 def _choose_positions(viewpoints: Float[np.ndarray, "K 3"] | None) -> list[list[float]] | None:

@@ -35,6 +35,7 @@ from symbrion_gym._src.arenas.primitives import primitives_from_dict
 from symbrion_gym._src.arenas.spec import ArenaGeometry, make_arena_spec
 from symbrion_gym._src.arenas.surface_file import format_obj, load_obj
 from symbrion_gym._src.arenas.texture import TEXTURE_FILE, SurfaceTexture, load_png, to_png
+from symbrion_gym._src.arenas.verdict import Verdict
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
@@ -130,6 +131,8 @@ class _Description:
     friction_map: dict[str, Any] | None = None  # as `FrictionMap.as_dict` returned it
     primitives: dict[str, Any] | None = None  # as `primitives_to_dict` returned them, for the kind "mixed"
     objects: tuple[dict[str, Any], ...] = ()  # as `PlacedObject.as_dict` returned them
+    unseen: tuple[int, ...] = ()  # numbers of faces of the surface
+    verdict: Verdict | None = None  # None in folders of earlier releases
 
     def __post_init__(self) -> None:
         if self.format < 1:
@@ -150,7 +153,7 @@ class _Description:
 
     def as_arena_fields(self) -> dict[str, Any]:
         """Return the fields of an `Arena` that are not geometry."""
-        same = ("name", "kind", "friction", "provenance", "offset", "friction_source")
+        same = ("name", "kind", "friction", "provenance", "offset", "friction_source", "unseen", "verdict")
         return {name: getattr(self, name) for name in same} | {
             "course": None if self.course is None else make_course(self.course),
             "quality": ArenaQuality.from_dict(self.quality),
@@ -182,6 +185,10 @@ def _load_geometry(meshes: Path, about: _Description) -> dict[str, Any]:
     """Return the fields of an `Arena` that are geometry."""
     surface, uv = load_obj(meshes / "surface.obj")
     check_surface(surface, meshes / "surface.obj")
+    if about.unseen and not 0 <= min(about.unseen) <= max(about.unseen) < len(surface.faces):
+        raise ArenaError(
+            f"{meshes}: unseen names faces that the surface lacks; build it again with make_arena"
+        )
     pieces = []
     for index in range(about.num_pieces):
         path = meshes / f"pieces/{index:03d}.obj"

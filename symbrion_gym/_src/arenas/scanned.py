@@ -12,15 +12,23 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.printable import make_printable
+from reconstruction._src.base.range_checks import format_share
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
-from reconstruction._src.geometry.orientation import orient_to_viewpoints
+from reconstruction._src.geometry.orientation import (
+    find_up_axis,
+    looks_down_below,
+    measure_level_areas,
+    orient_to_viewpoints,
+)
 from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.geometry.sampling import count_votes, sample_area
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, to_meters
+from reconstruction._src.scans.frames import UP_AXES, RawPoints, describe_odd_size, find_offset, to_meters
+from reconstruction._src.surfaces.far_faces import select_faces
 from symbrion_gym._src.arenas.surface_file import check_has_surface
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
@@ -130,6 +138,23 @@ def _find_backs_below_sky(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"]:
     return found
 
 
+_SEEN = 0.3
+"""A place farther from every reading than this was not seen [m]: three Scouts, on whose way it can hide nothing."""
+
+
+def find_unseen(mesh: trimesh.Trimesh, points: Float[np.ndarray, "N 3"] | None) -> tuple[int, ...]:
+    """Return the faces of a mesh that are far from every reading; none where the readings are not known."""
+    if points is None:
+        return ()
+    tree = cKDTree(points)
+
+    def is_far(places: Float[np.ndarray, "M 3"]) -> Bool[np.ndarray, " M"]:
+        return np.isinf(tree.query(places, distance_upper_bound=_SEEN)[0])
+
+    found = select_faces(np.asarray(mesh.vertices), np.asarray(mesh.faces), is_far)
+    return tuple(np.flatnonzero(found).tolist())
+
+
 def find_doubts(scanned: ScannedSurface) -> list[str]:
     """Return what a user may have meant otherwise: a size that is none of a robot's place, a room without viewpoint."""
     warnings = []
@@ -161,6 +186,8 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
             check_has_surface(path)
             if path.suffix.lower() != ".npz":
                 mesh = load_mesh(path, *frame)
+                if frame.up is None:
+                    _turn_upright(mesh, name)
                 x, y, z = map(float, mesh.metadata["offset"])
                 colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
                 return ScannedSurface(mesh, name, offset=(x, y, z), colored=colored)
@@ -177,15 +204,37 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
     return ScannedSurface(mesh, name, colored=sample_mesh_colors(surface, placed))
 
 
+def _turn_upright(mesh: trimesh.Trimesh, name: str) -> None:
+    """Turn a mesh whose level area lies along another axis than z, and log it."""
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    up = find_up_axis(vertices, faces)
+    if up is None:
+        return
+    along, upright = measure_level_areas(vertices, faces)[["xyz".index(up[-1]), 2]].tolist()
+    text = (
+        "%s: %s is taken for up, as %s of the area is level along it and %s along z; --up says it otherwise"
+    )
+    _logger.warning(text, name, up, format_share(along), format_share(upright))
+    axes = np.array(UP_AXES[up], dtype=np.float64)
+    mesh.vertices = vertices @ axes.T
+    mesh.metadata["offset"] = axes @ mesh.metadata["offset"]
+
+
 def _take_reconstruction(made: Reconstruction, name: str, frame: MeshFrame) -> ScannedSurface:
     if frame != MeshFrame():
         raise ArenaError(
             f"{name}: a reconstruction is in meters, z up; give unit, up and scale where the points are read "
             "(`symbrion reconstruct`, rc.load_cloud)"
         )
-    readings = made.readings
+    readings, mesh = made.readings, made.mesh
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if made.viewpoints is None and looks_down_below(vertices, faces):
+        _logger.warning(
+            "%s: without viewpoints its lowest level surface is taken for a floor, seen from above", name
+        )
+        mesh = trimesh.Trimesh(vertices, faces[:, ::-1], process=False)
     return ScannedSurface(
-        made.mesh,
+        mesh,
         name,
         True,
         readings.points,

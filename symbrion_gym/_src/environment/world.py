@@ -126,10 +126,11 @@ class World:
     def __init__(self, config: EnvironmentConfig, image_size: tuple[int, int] = (640, 400)) -> None:
         self.config = config
         on_map = find_arena(config)
-        self.arena = stretch_arena(on_map, config.stretch)
+        self.task = config.find_task()
+        place = self.task.start.place
+        self.arena = stretch_arena(on_map, config.stretch, 0.0 if isinstance(place, str) else float(place[0]))
         self.organism = find_organism(config, float(self.arena.friction))
         self.friction = float(self.organism.scout.friction)  # of the robot on the ground, outside of patches
-        self.task = config.find_task()
         self.map_route = self.task.find_route(on_map, self.organism)  # as the map has it, without `stretch`
         self.route = (
             self.map_route if self.arena is on_map else self.task.find_route(self.arena, self.organism)

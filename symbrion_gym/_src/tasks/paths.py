@@ -153,7 +153,7 @@ def propose_way(arena: Arena, body: Organism) -> Pair | None:
     """Return start and goal of a straight way that a body can drive, about as far apart as the largest region allows,
     with room for a row behind the start; None without one."""
     ground = find_ground_map(arena, body)
-    way = find_straight_way(ground, ground.region == 0)
+    way = find_straight_way(ground)
     if way is None:
         return None
     back, end = way[0][:2], way[1][:2]

@@ -341,7 +341,7 @@ def choose_straight_way(
     """Return a place with room behind and ahead of it [m] on about the longest straight way in the largest region,
     the direction of the way, and its end [m].
     """
-    way = find_straight_way(ground, ground.region == 0) if ground.num_regions else None
+    way = find_straight_way(ground, behind + ahead) if ground.num_regions else None
     reach = 0.0 if way is None else float(np.linalg.norm((way[1] - way[0])[:2]))
     if way is None or reach < behind + ahead:
         raise ArenaError(

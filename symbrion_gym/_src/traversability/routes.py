@@ -24,6 +24,7 @@ _SLIPPERY = 0.9  # Ground with less than this share of the largest friction is s
 _AMPLE_ROOM = (
     2.0  # Ends are chosen so many times the body's reach from walls, or in the half with the most room
 )
+_ROOM = 0.1  # Straight ways keep off walls and rims by so much more than the body needs, where they can [m]
 _LEVEL = 0.5  # ... and where slopes are this share of the largest side slope, or in the half with the least.
 _WALL_COST = 3.0  # Ground at the reach from walls costs this many times more per length than with ample room
 _NUM_ENDS = 4000  # Places of which start and goal are chosen at most, evenly spread
@@ -245,7 +246,21 @@ def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name
     return int(near[np.lexsort((flat, storeys, region))[0]])
 
 
-def find_straight_way(ground: TraversabilityMap, is_usable: Usable) -> tuple[Point, Point] | None:
+def find_straight_way(ground: TraversabilityMap, least: float = 0.0) -> tuple[Point, Point] | None:
+    """Return both ends of about the longest straight way in the largest region, to larger x; None where there is none.
+
+    It keeps off walls and rims by 10 cm more than the body needs where that leaves half of the length, and `least` [m].
+    """
+    inside = ground.region == 0
+    room = ground.footprint.reach + _ROOM
+    longest, roomy = (_find_longest(ground, inside & (ground.wall_distance >= each)) for each in (0.0, room))
+    if longest is None or roomy is None:
+        return longest
+    short, long = (float(np.linalg.norm((end - begin)[:2])) for begin, end in (roomy, longest))
+    return roomy if short >= max(least, long / 2) else longest
+
+
+def _find_longest(ground: TraversabilityMap, is_usable: Usable) -> tuple[Point, Point] | None:
     """Return both ends of about the longest straight way over usable places, to larger x; None where there is none."""
     usable = np.flatnonzero(is_usable)
     if not len(usable):

@@ -19,7 +19,8 @@ import symbrion_gym as sg
 from evolution._src.cli.main import run
 from evolution._src.experiments.demo import OUTPUTS as DEMO_OUTPUTS
 from evolution._src.experiments.demo import DemoConfig, claim_folder
-from evolution._src.experiments.paper import OUTPUTS, write_json
+from evolution._src.experiments.folders import write_json
+from evolution._src.experiments.paper import OUTPUTS
 from evolution._src.report.page import Page
 
 

@@ -8,14 +8,11 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution._src.cli.main import run
 from evolution._src.experiments import paper
 from evolution._src.experiments.paper import (
-    claim_folder,
     compute_ratio,
     cut_sides,
     list_poses,
-    lock_folder,
     make_brute_force_caster,
     make_tree_caster,
     read_result,
@@ -49,22 +46,6 @@ def test_a_damaged_result_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "cloud.json").write_text(text)
     with pytest.raises(ev.RunError, match=r"cloud\.json is damaged"):
         read_result(tmp_path / "cloud.json")
-
-
-def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
-    with lock_folder(tmp_path), pytest.raises(ev.RunError, match="another run"), lock_folder(tmp_path):
-        pass
-
-
-def test_the_command_refuses_another_seed_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    claim_folder(tmp_path, OPTIONS)
-    assert run(["paper", "--quick", "--seed", "1", "--out", str(tmp_path)]) == 1
-    assert "describes other options" in capsys.readouterr().err
-    (tmp_path / "config.json").write_text("{")
-    with pytest.raises(ev.RunError, match=r"config\.json.*name another folder"):
-        claim_folder(tmp_path, OPTIONS)
 
 
 def test_ratio_of_known_costs() -> None:

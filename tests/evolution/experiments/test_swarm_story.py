@@ -12,7 +12,7 @@ import symbrion_gym as sg
 from evolution._src.errors import RunError
 from evolution._src.experiments.swarm import run
 from evolution._src.experiments.swarm.film import choose_moments, draw_timeline
-from evolution._src.experiments.swarm.run import SwarmRunConfig, claim_folder
+from evolution._src.experiments.swarm.run import SwarmRunConfig
 from evolution._src.experiments.swarm.story import StoryConfig, tell_story
 from symbrion_gym._src.swarm.behavior.memory import Mode
 from symbrion_gym._src.swarm.placing import find_field
@@ -47,17 +47,6 @@ def test_a_swarm_that_may_not_dock_is_not_across() -> None:
 def test_bad_stories_are_refused(values: dict, message: str) -> None:
     with pytest.raises(RunError, match=message):
         StoryConfig(**values)
-
-
-def test_a_folder_of_other_options_or_files_is_refused(tmp_path: Path) -> None:
-    claim_folder(SwarmRunConfig(tmp_path / "a", StoryConfig(seed=1)))
-    claim_folder(SwarmRunConfig(tmp_path / "a", StoryConfig(seed=1), workers=3))
-    with pytest.raises(RunError, match="results of other options"):
-        claim_folder(SwarmRunConfig(tmp_path / "a", StoryConfig(seed=2)))
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "film.mp4").write_bytes(b"mine")
-    with pytest.raises(RunError, match="would be overwritten"):
-        claim_folder(SwarmRunConfig(tmp_path / "b", StoryConfig()))
 
 
 def test_an_interrupted_run_goes_on_to_equal_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from reconstruction._src.geometry.halfspaces import find_box
 from symbrion_gym._src.arenas.arena import Arena, stretch_arena
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.arenas.making import load_arena
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 
 def test_stretching_the_truth_widens_its_pit() -> None:
@@ -40,3 +42,11 @@ def _find_top(piece, x, y):
     up, down, level = n[:, 2] > 1e-6, n[:, 2] < -1e-6, np.abs(n[:, 2]) <= 1e-6
     high, low = (rest[:, up] / n[up, 2]).min(axis=1), (rest[:, down] / n[down, 2]).max(axis=1)
     return np.where((low <= high) & (rest[:, level] >= 0).all(axis=1), high, -np.inf)
+
+
+def test_what_lies_at_the_center_stays():
+    piece = trimesh.creation.box((1.0, 1.0, 0.1)).apply_translation([50.5, 0.0, 0.0])
+    arena = Arena("box", [piece], piece, ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=1))
+    stretched = stretch_arena(arena, 1.025, center=50.0)
+    for mesh in (stretched.surface, stretched.pieces[0]):
+        assert mesh.bounds[:, 0] == pytest.approx([50.0, 51.025])

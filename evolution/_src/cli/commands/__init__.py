@@ -4,7 +4,7 @@ from evolution._src.cli.command import Command
 from evolution._src.cli.commands.arena import Arena
 from evolution._src.cli.commands.bench_suite import BenchSuite
 from evolution._src.cli.commands.evolve import Evolve, Resume
-from evolution._src.cli.commands.experiments import Demo, Paper, Swarm
+from evolution._src.cli.commands.experiments import Demo, Paper, Swarm, Train
 from evolution._src.cli.commands.reconstruct import Reconstruct
 from evolution._src.cli.commands.replay import Replay
 from evolution._src.cli.commands.survey import Survey
@@ -16,6 +16,7 @@ COMMANDS: dict[str, type[Command]] = {
     "arena": Arena,
     "view": View,
     "export": Export,
+    "train": Train,
     "evolve": Evolve,
     "resume": Resume,
     "replay": Replay,

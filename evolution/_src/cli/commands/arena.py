@@ -17,11 +17,12 @@ from evolution._src.cli.command import (
     write_file,
 )
 from evolution._src.cli.console import Console
-from evolution._src.cli.scan_source import FrameCommand, is_scan_log
+from evolution._src.cli.scan_source import FrameCommand
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count, format_distance, format_extents, format_share
+from symbrion_gym._src.contact.kinds import ACCEPTANCE_P95, UNCOVERED
 
-MISSED = 3  # Exit code where the arena is made, but misses its accuracy, under `--strict`
+MISSED = 3  # Exit code where the arena is made, but is not good for a robot throughout, under `--strict`
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,8 @@ class Arena(FrameCommand):
     """Decompose a surface into convex pieces for contact, keep the exact surface for rays, and write both as a folder.
 
     The table says how far contact is from the surface, in all directions and both ways, and, where the position of
-    the scanner is known, how many of its beams still end where they did. A missed accuracy is a warning.
+    the scanner is known, how many of its beams still end where they did. The last line says whether the arena is good
+    for a robot, and why not.
 
     Example: symbrion arena surface.npz --out arenas/pit --picture pit.png
     """
@@ -52,7 +54,7 @@ class Arena(FrameCommand):
     picture: Path | None = None
     """Draw where contact and surface differ in this file (.png)."""
     strict: bool = False
-    """End with exit code 3 where the accuracy is missed."""
+    """End with exit code 3 unless the arena is good for a robot: "yes"."""
 
     def check(self) -> None:
         super().check()
@@ -100,6 +102,7 @@ class Arena(FrameCommand):
             console.print_line(f"{each.name} at {', '.join(f'{x:.3f}' for x in each.position)} m")
         rows, accuracy = _make_quality_rows(arena), _describe_accuracy(arena)
         console.show_table("Quality of the contact geometry", ["measure", "value"], rows)
+        console.print_line(str(arena.verdict))
         return {
             "folder": self.out,
             "pieces": len(arena.pieces),
@@ -107,8 +110,9 @@ class Arena(FrameCommand):
             "seconds": step.seconds,
             "quality": arena.quality.as_dict(),
             "accuracy": accuracy,
+            "verdict": arena.verdict.as_dict(),
             "picture": self.picture,
-            "exit_code": MISSED if self.strict and not accuracy["is_reached"] else 0,
+            "exit_code": MISSED if self.strict and arena.verdict.answer != "yes" else 0,
         }
 
     def _make(self, progress: "rc.Progress") -> "sg.Arena":
@@ -132,7 +136,7 @@ class Arena(FrameCommand):
         if rc.is_mesh(self.scan):
             scan = rc.load_mesh(self.scan)
         else:
-            scan = rc.load_scan_log(self.scan) if is_scan_log(self.scan) else rc.load_cloud(self.scan)
+            scan = rc.load_scan_log(self.scan) if rc.is_scan_log(self.scan) else rc.load_cloud(self.scan)
         found = rc.find_objects(scan, meshes, seed=self.seed, progress=progress)
         return sg.place_objects(arena, found, meshes)
 
@@ -166,17 +170,20 @@ def _make_quality_rows(arena: "sg.Arena") -> list[list[object]]:
     notes, quality = arena.provenance, arena.quality
     most = notes.get("options", {}).get("max_pieces")
     pieces = f"{quality.num_pieces}{f' of at most {most}' if most else ''}"
+    wanted = notes["accuracy"]
+    limits = {"mean": wanted, "p95": ACCEPTANCE_P95 * wanted, "uncovered": UNCOVERED}
+    missed = {name: " (missed)" if getattr(quality, name) > limit else "" for name, limit in limits.items()}
     distances = {
-        "accuracy wanted": notes["accuracy"],
-        f"accuracy reached{'' if notes['is_reached'] else ' (missed)'}": quality.mean,
-        "surface to contact: 95 %": quality.p95,
+        "accuracy wanted": wanted,
+        f"accuracy reached{missed['mean']}": quality.mean,
+        f"surface to contact: 95 %{missed['p95']}": quality.p95,
         "surface to contact: largest": quality.max,
         "contact to surface: mean": quality.protrusion_mean,
         "contact to surface: 95 %": quality.protrusion_p95,
         "contact to surface: largest": quality.protrusion_max,
     }
     shares = {
-        "surface without contact": quality.uncovered,
+        f"surface without contact{missed['uncovered']}": quality.uncovered,
         "beams that end at their reading: contact": quality.beams_contact,
         "beams that end at their reading: surface": quality.beams_surface,
         "free space seen that is solid": quality.free_space,

@@ -1,12 +1,21 @@
-"""`symbrion demo`, `symbrion swarm` and `symbrion paper`: whole experiments, each in a folder of its own."""
+"""`symbrion train`, `demo`, `swarm` and `paper`: whole experiments, each in a folder of its own."""
 
 import dataclasses
 import os
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from evolution._src.cli.command import SeededCommand, TrustingCommand, require_writable_folder, write_file
+import tyro
+
+from evolution._src.cli.command import (
+    SeededCommand,
+    TrustingCommand,
+    require_file,
+    require_writable_folder,
+    write_file,
+)
 from evolution._src.cli.console import Console
+from evolution._src.cli.scan_source import FrameCommand
 from reconstruction._src.base.extras import require_extras
 
 _STORY_COLUMNS = {
@@ -69,6 +78,73 @@ class Demo(Experiment):
             "successes": {name: outcome.successes for name, outcome in result.outcomes.items()},
             "trials": {name: outcome.trials for name, outcome in result.outcomes.items()},
             "seconds": result.seconds,
+        }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Train(FrameCommand):
+    """Make a robot drive in any scan: two models of two halves of the readings, a verdict, a way, a champion, a page.
+
+    A controller evolves from zero in the first model and is judged in the other one. The same command again goes on
+    where it was interrupted.
+
+    Example: symbrion train scan.ply --out mine
+    """
+
+    scan: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
+    """A file of points, a scan log, a mesh, or an arena folder. Of more than 20 m the middle is used."""
+    out: Path = Path("trained")
+    """Output folder; open report.html in it."""
+    start: tuple[float, float] | None = None
+    """Where the robot starts: X Y [m]. Default: chosen on ground that both halves confirm."""
+    goal: tuple[float, float] | None = None
+    """Where it is to arrive: X Y [m]. Default: chosen so that the way has a corner."""
+    organism: str | None = None
+    """The body: a number of modules in a row, a body plan, or the name or file of one. Default: a lone Scout, or a row
+    that crosses the gap between --start and --goal."""
+    workers: int = os.cpu_count() or 1
+    """Threads; the results do not depend on their number."""
+
+    def check(self) -> None:
+        super().check()
+        require_writable_folder(self.out, "--out")
+        if not self.scan.is_dir():
+            require_file(self.scan, "SCAN")
+
+    def explain_interruption(self) -> str:
+        return "what is done is kept; the same command goes on"
+
+    def run(self, console: Console) -> dict[str, Any]:
+        import evolution as ev
+        from evolution._src.experiments.train import TRIALS, read_site
+
+        with console.track(f"Training in {self.scan.name}") as step:
+            frame = {"unit": self.unit, "up": self.up, "scale": self.scale}
+            result = ev.train(
+                read_site(self.scan, self.viewpoint or None, **frame),
+                self.out,
+                start=self.start,
+                goal=self.goal,
+                organism=self.organism,
+                seed=self.seed,
+                workers=self.workers,
+                progress=step.progress,
+            )
+        console.print_line(str(result.verdict))
+        rows = [[name, *("-" if each is None else f"{each} of {TRIALS}" for each in held)]
+                for name, held in result.held.items()]  # fmt: skip
+        console.show_table("Trials held", ["driver", "in the half of training", "in the other half"], rows)
+        console.print_line(f"page: {result.page.resolve()}")
+        return {
+            "folder": self.out,
+            "page": result.page,
+            "verdict": result.verdict.as_dict(),
+            "trials": TRIALS,
+            "held": result.held,
+            "start": result.run.config.start,
+            "goal": result.run.config.goal,
+            "modules": result.run.config.modules,
+            "seconds": step.seconds,
         }
 
 
@@ -148,11 +224,12 @@ class Paper(Experiment):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion paper`", "scan", "report")
-        from evolution._src.experiments.paper import claim_folder, lock_folder, run_experiments, write_json
+        from evolution._src.experiments.folders import claim_folder, lock_folder, write_json
+        from evolution._src.experiments.paper import MARKER, OUTPUTS, run_experiments
         from evolution._src.experiments.paper_page import write_paper_page
 
         report = self.out / "report.html"
-        claim_folder(self.out, {"quick": self.quick, "seed": self.seed})
+        claim_folder(self.out, MARKER, {"quick": self.quick, "seed": self.seed}, OUTPUTS)
         with lock_folder(self.out):
             results = run_experiments(self.out, self.quick, self.seed, console.track, self.workers)
             write_json(self.out / "results.json", results)

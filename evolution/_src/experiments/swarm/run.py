@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 import evolution as ev
 import symbrion_gym as sg
 from evolution._src.experiments.demo import Track as Steps
-from evolution._src.experiments.demo import refuse_foreign_files
+from evolution._src.experiments.folders import claim_folder, write_json
 from evolution._src.experiments.swarm.story import StoryConfig, tell_story
 from evolution._src.search.run import RunFolder, load_champion
 from reconstruction._src.base.atomic_write import write_atomically
@@ -43,7 +42,8 @@ class SwarmRunConfig:
 
 def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[str, Any]]]:
     """Tell the story, and that of a swarm that may not dock; what an earlier run has told is read from the folder."""
-    claim_folder(config)
+    about = {**asdict(config.story), "champion": None if config.champion is None else str(config.champion)}
+    claim_folder(config.folder, MARKER, about, OUTPUTS)
     arena, path = sg.load_arena(config.story.arena), config.folder / "track.npz"
     results = _read(config.folder / RESULTS) or []
     if not isinstance(results, list):
@@ -60,24 +60,11 @@ def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[st
                 with write_atomically(path) as beside, beside.open("wb") as file:
                     np.savez_compressed(file, **track._asdict())
             results = [*results[:index], figures]
-            _write(config, RESULTS, results)
+            write_json(config.folder / RESULTS, results)
     arrays = read_npz(path)
     if set(arrays) != set(Track._fields):
         raise ev.RunError(f"{path} is no track of a swarm; remove it to tell the story again")
     return Track(**arrays), results
-
-
-def claim_folder(config: SwarmRunConfig) -> None:
-    """Write the marker, or refuse a folder that holds something else."""
-    refuse_foreign_files(config.folder, MARKER, OUTPUTS)
-    marker = config.folder / MARKER
-    about = {**asdict(config.story), "champion": None if config.champion is None else str(config.champion)}
-    if _read(marker) not in (None, about):
-        raise ev.RunError(
-            f"{config.folder} holds results of other options; name another folder, or remove it to begin again"
-        )
-    config.folder.mkdir(parents=True, exist_ok=True)
-    _write(config, MARKER, about)
 
 
 def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
@@ -113,8 +100,3 @@ def _read(path: Path) -> Any:
         return read_json(path) if path.is_file() else None
     except JsonError as error:
         raise ev.RunError(f"{path} is damaged ({error}); remove it, or name another folder") from error
-
-
-def _write(config: SwarmRunConfig, name: str, content: object) -> None:
-    with write_atomically(config.folder / name) as beside:
-        beside.write_text(json.dumps(content, indent=2) + "\n")

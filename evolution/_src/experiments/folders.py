@@ -1,0 +1,70 @@
+"""Folders of commands that make many files: who may write there, and what shows that the files are theirs."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import filelock
+
+from evolution._src.errors import RunError
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.typed_json import JsonError, read_json
+
+
+def claim_folder(folder: Path, marker: str, options: dict[str, Any], outputs: Iterable[str]) -> None:
+    """Write the options into a new folder, or refuse one with others, or with files of somebody else."""
+    path, options = folder / marker, json.loads(json.dumps(options))
+    refuse_foreign_files(folder, marker, outputs)
+    if not path.is_file():
+        write_json(path, options)
+    try:
+        found = read_json(path)
+    except JsonError as error:
+        raise RunError(f"{path}: {error}; name another folder, or remove this one") from error
+    if found != options:
+        names = [name for name in options if not isinstance(found, dict) or found.get(name) != options[name]]
+        raise RunError(
+            f"{path} describes other options ({', '.join(names)}) than {options}; name another folder, or remove this "
+            "one"
+        )
+
+
+def refuse_foreign_files(folder: Path, marker: str, names: Iterable[str]) -> None:
+    """Refuse a folder in which a command would overwrite files that it did not write."""
+    links = [name for name in (marker, *names) if (folder / name).is_symlink()]
+    if links:
+        raise RunError(f"{folder / links[0]} is a link to elsewhere; name another folder, or move the link")
+    if (folder / marker).is_file():
+        return
+    existing = [name for name in (marker, *names) if os.path.lexists(folder / name)]
+    if existing:
+        raise RunError(
+            f"{folder} contains {', '.join(existing)}, which would be overwritten, but no {marker} to show that this "
+            "command wrote them; name another folder, or move them"
+        )
+
+
+@contextmanager
+def lock_folder(folder: Path) -> Iterator[None]:
+    """Lock a folder against other writers."""
+    lock = filelock.FileLock(folder / ".lock")
+    try:
+        lock.acquire(timeout=0)
+    except filelock.Timeout:
+        raise RunError(f"{folder} is being written by another run; wait, or name another folder") from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write content as a JSON file, atomically."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with write_atomically(path) as beside:
+        beside.write_text(json.dumps(content, indent=2) + "\n")

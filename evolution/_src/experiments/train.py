@@ -1,0 +1,406 @@
+"""From any scan to a robot that drives there: two models of halves of its readings, a verdict, a way, a champion."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+import evolution as ev
+import reconstruction as rc
+import symbrion_gym as sg
+from evolution._src.backends.settings import read_organism
+from evolution._src.errors import RunError
+from evolution._src.experiments.folders import claim_folder
+from evolution._src.search.run import RunFolder
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.surfaces.far_faces import select_faces
+from symbrion_gym._src.contact.distances import find_nearest
+from symbrion_gym._src.sensing.survey import SPACING
+from symbrion_gym._src.tasks.features.gap import find_gap
+
+if TYPE_CHECKING:
+    from symbrion_gym._src.arenas.verdict import Verdict
+    from symbrion_gym._src.robot.organism import Organism
+
+Site = rc.ScanLog | rc.Cloud | sg.Arena  # What a robot is to drive in, as it was read
+Place = tuple[float, ...]  # (x, y) [m]
+
+MARKER, PAGE = "train.json", "report.html"
+HALVES = ("arena", "other")  # Folders of both models: that of training, and that which checks it
+RUN = "run"  # Folder of the evolution
+TRIALS = 20  # Trials in each half of the champion, and of what it is compared with
+GENERATIONS = 30
+_SITE = 20.0  # Edge of the square of a larger scan that is used, about its middle [m]: a Scout drives 10 m in 100 s
+_SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
+_AGREE = (
+    0.02  # Models that are this near to each other confirm each other [m], as contact does that holds a robot
+)
+_LOCALIZED = ev.Randomization(start_offset=(-0.02, 0.02), yaw=(-0.0175, 0.0175), stretch=(1.0,))
+"""Conditions of trials on a way: the robot knows where it starts to 2 cm and 1 degree, twice what the laser scans of
+the paper of 2011 tell. From there on it has its own tracks alone. Errors of the scan are those between the halves."""
+_LEGS = ((0.35, 0.8), (0.3, 0.4))
+"""Shortest and longest first and second leg of a way that is chosen [m]: after a turn tracks alone know the heading to
+about a tenth of it."""
+_TURN = np.deg2rad(
+    [60.0, 75.0]
+)  # Least and most turn between them [rad]: who drives straight on does not arrive
+_SNAP = 0.05  # Corners lie at most so far from a place of the map [m]
+_NUM_WAYS, _NUM_TRIED = 5_000, 20  # Ways that are drawn, and of which so many are tried in the environment
+_MODULES = (2, 12)  # Least and most modules of a row that crosses a gap
+_REACH = 1.75  # Length of such a row over the width of the gap: eight Scouts cross 0.45 m
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """What a robot has learned on a site.
+
+    Attributes:
+        folder: where all of it is kept.
+        arena: model of the first half of the readings, in which the controller evolved.
+        other: model of the other half; None for a mesh or a folder, which have no readings to be halved.
+        verdict: whether the first model is good for a robot, with what the other half does not confirm.
+        run: the evolution; `run.champion` drives.
+        held: name of who drives ("champion", "doing nothing", "tracks forward") -> successes in the model of training
+            and in the other one (None without one), of `TRIALS` trials with fresh conditions.
+        page: the report.
+    """
+
+    folder: Path
+    arena: sg.Arena
+    other: sg.Arena | None
+    verdict: Verdict
+    run: ev.Run
+    held: dict[str, tuple[int, int | None]]
+    page: Path
+
+    @property
+    def held_in_training(self) -> int:
+        """Successes of the champion in the model in which it evolved."""
+        return self.held["champion"][0]
+
+    @property
+    def held_in_other_half(self) -> int | None:
+        """Successes of the champion in the model of the readings that evolution has not seen."""
+        return self.held["champion"][1]
+
+
+def read_site(path: str | Path, viewpoints: ArrayLike | None = None, **frame: Any) -> Site:
+    """Return what a file holds: a scan log, a cloud or, of a mesh or an arena folder, an arena.
+
+    Args:
+        path: a file or folder.
+        viewpoints: where the scanner stood, in the coordinates of the file with z up [m].
+        frame: unit, up and scale, as of `reconstruction.load_cloud`.
+    """
+    path, given = Path(path), {name: value for name, value in frame.items() if value not in (None, 1.0)}
+    if path.is_dir():
+        return sg.load_arena(path)
+    if rc.is_scan_log(path):
+        return rc.load_scan_log(path)
+    if rc.is_mesh(path):
+        return sg.make_arena(path, viewpoints=viewpoints, **given)
+    return rc.load_cloud(path, viewpoints=viewpoints, **given)
+
+
+def train(
+    scan: str | Path | Site,
+    folder: str | Path,
+    *,
+    start: Place | None = None,
+    goal: Place | None = None,
+    organism: Any = None,
+    seed: int = 0,
+    workers: int = os.cpu_count() or 1,
+    progress: Progress = silent,
+) -> Training:
+    """Make two models of a scan, evolve a controller in one from zero, judge it in both, and write a page.
+
+    What has been done in the folder is not done again: an interrupted training goes on, with equal results.
+
+    Args:
+        scan: a file of points, a scan log, a mesh or an arena folder, or what one of them holds.
+        folder: new, or that of an earlier training of the same scan with the same options.
+        start: (x, y) [m]; None to choose it where both models agree.
+        goal: likewise; chosen so that the way has a corner.
+        organism: body, by name, number of modules or `Organism`; None: a lone Scout, or a row that crosses the gap
+            between start and goal.
+        seed: of everything; equal seeds give equal results.
+        workers: number of threads; results do not depend on it.
+        progress: called with what is being done and the share done.
+
+    Raises:
+        RunError: the folder holds something else, the arena is not good for a robot, or there is no way in it.
+        ScanError: the scan cannot be read.
+    """
+    require_extras("`symbrion train`", "report")
+    from evolution._src.experiments.train_page import write_train_page
+
+    folder = Path(folder)
+    progress("reading the scan", 0.0)
+    site = read_site(scan) if isinstance(scan, str | Path) else scan
+    options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
+    claim_folder(folder, MARKER, {"scan": _digest(site), "seed": seed, **options}, (*HALVES, RUN, PAGE))
+    arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6))
+    verdict = arenas[0].verdict
+    if verdict.answer == "no":
+        raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
+    body = None if organism is None else read_organism(organism)
+    config = choose_task(arenas, folder, body, start, goal, seed, workers)
+    run = _evolve(config, _part(progress, 0.6, 0.85))
+    progress("judging the champion", 0.85)
+    held = judge_all(run, arenas, seed, workers)
+    result = Training(folder, arenas[0], None, verdict, run, held, folder / PAGE)
+    result = replace(result, other=arenas[1] if len(arenas) > 1 else None)
+    progress("writing the page", 0.9)
+    write_train_page(result, seed)
+    progress("done", 1.0)
+    return result
+
+
+def _part(progress: Progress, low: float, high: float) -> Progress:
+    """Return a progress that covers a part of another."""
+    return lambda message, share: progress(message, low + (high - low) * share)
+
+
+def _digest(site: Site) -> str:
+    """Return a fingerprint of what was scanned."""
+    if isinstance(site, rc.ScanLog):
+        arrays = [site.ranges, site.angles, site.poses]
+    elif isinstance(site, rc.Cloud):
+        arrays = [site.points, *(() if site.viewpoints is None else (site.viewpoints,))]
+    else:
+        arrays = [np.asarray(site.surface.vertices), np.asarray(site.surface.faces)]
+    found = hashlib.sha256()
+    for array in arrays:
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()
+
+
+def split_readings(site: rc.ScanLog | rc.Cloud) -> list[rc.ScanLog] | list[rc.Cloud]:
+    """Return two halves that share no reading: scans, or positions of the scanner, alternately; else points."""
+    if isinstance(site, rc.ScanLog):
+        colors = site.colors
+        return [
+            site.replace(
+                ranges=site.ranges[k::2],
+                poses=site.poses[k::2],
+                colors=None if colors is None else colors[k::2],
+                horizontal=None,
+                truth=None,
+                slip=None,
+            )
+            for k in range(2)
+        ]
+    has_scans = site.seen_from is not None and len(cast(Any, site.viewpoints)) >= _SCANS
+    number = cast(np.ndarray, site.seen_from) if has_scans else np.arange(site.num_points)
+    return [site.select(number % 2 == k) for k in range(2)]
+
+
+def _crop(site: rc.Cloud) -> rc.Cloud:
+    """Return the part of a large cloud about its middle in plan."""
+    low, high = site.points.min(axis=0), site.points.max(axis=0)
+    if (high - low)[:2].max() <= _SITE:
+        return site
+    middle = np.median(site.points[:, :2], axis=0)
+    low[:2], high[:2] = np.maximum(low[:2], middle - _SITE / 2), np.minimum(high[:2], middle + _SITE / 2)
+    return rc.crop(site, [low, high])
+
+
+def make_models(site: Site, folder: Path, seed: int, progress: Progress = silent) -> list[sg.Arena]:
+    """Return the models of both halves of a site, or its one arena; from the folder where they are in it.
+
+    The faces of each that the other does not confirm are `unseen`.
+    """
+    folders = [folder / name for name in HALVES[: 1 if isinstance(site, sg.Arena) else 2]]
+    if not (folders[0] / "arena.json").is_file():  # which is written last
+        if isinstance(site, sg.Arena):
+            made = [site]
+        else:
+            halves = split_readings(_crop(site) if isinstance(site, rc.Cloud) else site)
+            made = [
+                _make_model(half, seed + k, HALVES[k], _part(progress, k / 2, (k + 1) / 2))
+                for k, half in enumerate(halves)
+            ]
+            made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
+        for arena, each in reversed(list(zip(made, folders, strict=True))):
+            arena.save(each)
+    return [sg.Arena.load(each) for each in folders]  # as files keep them: a resumed training reads the same
+
+
+def _make_model(half: rc.ScanLog | rc.Cloud, seed: int, name: str, progress: Progress) -> sg.Arena:
+    is_log = isinstance(half, rc.ScanLog)
+    readings = rc.make_log_cloud(half) if is_log else half
+    points = rc.preprocess_cloud(half)
+    points = rc.thin(points, SPACING) if is_log else points
+    made = rc.reconstruct(points, readings=readings, seed=seed, progress=_part(progress, 0.0, 0.4))
+    return sg.make_arena(made, name=name, seed=seed, progress=_part(progress, 0.4, 1.0))
+
+
+def _mark_unconfirmed(arena: sg.Arena, other: sg.Arena) -> sg.Arena:
+    """Return an arena whose faces that lie off another model are marked as unseen, too."""
+    seen = other.seen_surface
+    vertices, faces = np.asarray(seen.vertices, np.float64), np.asarray(seen.faces, np.int64)
+    own = np.asarray(arena.surface.vertices, np.float64), np.asarray(arena.surface.faces, np.int64)
+    is_off = select_faces(*own, lambda places: find_nearest(places, vertices, faces)[0] > _AGREE)
+    return replace(arena, unseen=tuple(sorted({*arena.unseen, *np.flatnonzero(is_off).tolist()})))
+
+
+class Way(NamedTuple):
+    """Where a robot is to drive."""
+
+    start: Place
+    goal: Place
+    places: tuple[Place, ...] = ()  # to be reached before the goal
+
+
+def choose_task(
+    arenas: list[sg.Arena],
+    folder: Path,
+    body: Organism | None,
+    start: Place | None,
+    goal: Place | None,
+    seed: int,
+    workers: int,
+) -> ev.EvolutionConfig:
+    """Return the run that learns the site: to follow a way on ground that all models confirm, or to cross a gap."""
+    common: dict[str, Any] = {"arena": str(folder / HALVES[0]), "seed": seed, "workers": workers}
+    common |= {"folder": str(folder / RUN), "generations": GENERATIONS}
+    crossing = _find_crossing(arenas, body, start, goal)
+    if crossing is not None:
+        return ev.EvolutionConfig(organism=crossing, task="cross_gap", start=start or "floor", **common)
+    body = body or sg.snake(1)
+    problem: ValueError = sg.ArenaError("no place of it is confirmed by both halves, with room around it")
+    for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):
+        task = {"task": "reach", "start": way.start, "goal": way.goal, "places": way.places}
+        task |= {"track_control": "skid"}
+        try:
+            for arena in arenas:
+                sg.OrganismEnv(arena=arena, organism=body, **task).reset(seed=0)
+        except ValueError as error:
+            problem = error
+        else:
+            return ev.EvolutionConfig(
+                organism=body, controller="posture", randomization=_LOCALIZED, **task, **common
+            )
+    raise RunError(f"no way in {folder / HALVES[0]}: {problem}; give --start and --goal, or scan more ground")
+
+
+def _find_crossing(
+    arenas: list[sg.Arena], body: Organism | None, start: Place | None, goal: Place | None
+) -> Organism | None:
+    """Return the row that crosses the gap that the site asks to be crossed; None where it asks for none.
+
+    It does where no ground leads a Scout from the start to the goal, or where a row is given and no place.
+    """
+    if body is None and start is not None and goal is not None:
+        with suppress(sg.ArenaError):
+            arenas[0].find_route(start=start, goal=goal)
+            return None
+        row = sg.snake(_MODULES[1])
+        ahead = np.subtract(goal, start)
+        gap = find_gap(arenas[0], row, ahead / np.linalg.norm(ahead), np.array(start, float))
+        modules = np.ceil(_REACH * (gap.far - gap.near) / row.scout.pitch) + 1
+        return sg.snake(int(np.clip(modules, *_MODULES)))
+    if body is None or body.num_modules == 1 or start is not None or goal is not None:
+        return None
+    with suppress(sg.TaskError, sg.ArenaError):
+        for arena in arenas:
+            find_gap(arena, body)
+        return body
+    return None
+
+
+def _list_ways(
+    arenas: list[sg.Arena], body: Organism, start: Place | None, goal: Place | None, rng: np.random.Generator
+) -> Iterator[Way]:
+    """Yield ways with a corner over ground that all models confirm, the best first; or the way that is given."""
+    if start is not None and goal is not None:
+        yield Way(start, goal)
+        return
+    places = _find_confirmed(arenas, body, start if start is not None else goal)
+    if not len(places):
+        return
+    known, legs = (start, _LEGS) if goal is None else (goal, _LEGS[::-1])
+    anchors = (
+        places[rng.integers(len(places), size=_NUM_WAYS)] if known is None else np.array([known] * _NUM_WAYS)
+    )
+    heading = rng.uniform(-np.pi, np.pi, _NUM_WAYS)
+    turned = heading + rng.choice([-1.0, 1.0], _NUM_WAYS) * rng.uniform(_TURN[0], _TURN[1], _NUM_WAYS)
+    lengths = [rng.uniform(*limits, _NUM_WAYS) for limits in legs]
+    line, tree = [np.asarray(anchors)[:, :2]], cKDTree(places)
+    is_good = np.ones(_NUM_WAYS, dtype=bool)
+    for length, angle in zip(lengths, (heading, turned), strict=True):
+        away, nearest = tree.query(
+            line[-1] + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        )
+        line.append(places[nearest])
+        is_good &= away <= _SNAP
+    ways = np.stack(line if goal is None else line[::-1], axis=1)
+    best = np.argsort(-np.sum(lengths, axis=0)[is_good], kind="stable")[:_NUM_TRIED]
+    for row in np.flatnonzero(is_good)[best]:
+        first, middle, last = (tuple(np.round(each, 3).tolist()) for each in ways[row])
+        yield Way(first, last, (middle,))
+
+
+def _find_confirmed(arenas: list[sg.Arena], body: Organism, near: Place | None) -> Float[np.ndarray, "N 2"]:
+    """Return (x, y) of places with room around them, drivable in all models; those of one region, that of a place."""
+    grounds = [arena.traversability(body) for arena in arenas]
+    first, room = grounds[0], 2.0 * grounds[0].footprint.reach
+    region = 0
+    if near is not None and first.num_regions:
+        usable = np.flatnonzero(first.is_drivable)
+        away = np.linalg.norm(first.positions[usable, :2] - np.asarray(near)[:2], axis=1)
+        region = int(first.region[usable[np.argmin(away)]])
+    chosen: Int[np.ndarray, " N"] = np.flatnonzero((first.region == region) & (first.wall_distance >= room))
+    for ground in grounds[1:]:
+        places = first.positions[chosen]
+        found = ground.sorted_heights.find_nearest(ground.grid.compute_cells(places[:, :2]), places[:, 2])
+        is_there = (found >= 0) & (np.abs(ground.height[found] - places[:, 2]) <= 2 * _AGREE)
+        chosen = chosen[is_there & (ground.wall_distance[found] >= room) & ground.is_drivable[found]]
+    return first.positions[chosen, :2]
+
+
+def _evolve(config: ev.EvolutionConfig, progress: Progress) -> ev.Run:
+    """Evolve, or go on where an evolution was interrupted."""
+    folder = RunFolder(Path(config.folder or ""))
+    if not folder.has_run():
+        return ev.evolve(config, progress=progress)
+    differences = folder.read_config().differences(config)
+    if differences:
+        raise RunError(f"{folder.path} is another run ({'; '.join(differences)}); name another folder")
+    return ev.resume(folder.path, workers=config.workers, progress=progress)
+
+
+def judge_all(
+    run: ev.Run, arenas: list[sg.Arena], seed: int, workers: int
+) -> dict[str, tuple[int, int | None]]:
+    """Return how often the champion, a robot that does nothing and one that drives straight on hold in each model."""
+    champion, randomization = run.champion, replace(run.config.randomization, stretch=(1.0,))
+    if champion is None:
+        raise RunError(f"{run.folder}: no genotype could be tried; give another --start and --goal")
+    straight = dict.fromkeys(champion.names, 0.0)
+    drivers = {"champion": champion.genotype, "tracks forward": tuple(straight.values())}
+    if "track_speed_change" in straight:
+        drivers["doing nothing"] = tuple((straight | {"track_speed_change": -1.0}).values())
+    held: dict[str, tuple[int, int | None]] = {}
+    for name, genotype in drivers.items():
+        driver = replace(champion, genotype=genotype)
+        found = [
+            ev.judge(
+                driver, cast(Any, arena), TRIALS, seed, randomization=randomization, workers=workers
+            ).successes
+            for arena in arenas
+        ]
+        held[name] = found[0], found[1] if len(found) > 1 else None
+    return held

@@ -1,0 +1,145 @@
+"""The page of a training: the verdict, the plan with the way, the site with the body driving, trials, what is next."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import trimesh
+
+import evolution as ev
+import symbrion_gym as sg
+from evolution._src.report.arena_view import draw_arena
+from evolution._src.report.body_page import describe_machine
+from evolution._src.report.figures import draw_learning_curve, draw_tracks, to_png
+from evolution._src.report.page import Page
+from evolution._src.report.scene import Scene
+from evolution._src.report.video import encode_video
+from reconstruction._src.base.range_checks import format_count, format_distance
+from symbrion_gym._src.traversability.routes import DrivingRoute
+
+if TYPE_CHECKING:
+    from evolution._src.experiments.train import Training
+
+_GROUND, _UNSEEN = (
+    "#cfd3da",
+    "#e7a08f",
+)  # Colors of the surface, and of what no reading of both halves confirms
+_THRESHOLD = 0.9  # Share of the trials that a good champion holds
+
+
+def write_train_page(result: Training, seed: int) -> None:
+    """Write the page of a training as one self-contained HTML file."""
+    from evolution._src.experiments.train import TRIALS
+
+    run, arena, config = result.run, result.arena, result.run.config
+    champion = run.champion
+    assert champion is not None
+    body, judged_in = format_count(champion.modules, "module"), result.other or arena
+    film = ev.play(champion, judged_in, seed, film=True)
+    organism = champion.find_organism()
+    ground, route = arena.traversability(organism), _make_route(film.positions, organism.scout.size[2])
+    page = Page(
+        "From a scan to a robot that drives there",
+        summary="The readings of the scan are split into two halves that share none. Each becomes a model of the site. "
+        "A controller evolves from zero in the first; whether it drives is judged in the other, which evolution never "
+        "saw.",
+        footer=f"symbrion train --seed {seed} · {describe_machine()}",
+    )
+    page.add_verdict(f"{str(result.verdict).capitalize()}.", good=result.verdict.answer == "yes")
+    held = result.held_in_training if result.held_in_other_half is None else result.held_in_other_half
+    where = "the model of training" if result.other is None else "the other half"
+    page.add_verdict(
+        f"The champion ({body}) holds in {held} of {TRIALS} trials with fresh conditions in {where}.",
+        good=held >= _THRESHOLD * TRIALS,
+    )
+    page.add_section("The way", _describe_way(config))
+    page.add_figure(
+        to_png(
+            draw_arena(arena, ("surface", "drivable", "route"), ground, route, has_plan=True),
+            is_reduced=False,
+        ),
+        "The site from two sides and from above: ground that the body can drive on, and the way that it drove.",
+    )
+    if film.frames:
+        page.add_video(
+            encode_video(film.frames, film.fps), f"The champion in {where}, at five times real time."
+        )
+    page.add_scene(
+        _make_scene(arena, film.positions), "The site, and the champion on its way. Drag to turn it."
+    )
+    page.add_figure(draw_tracks(film.positions, judged_in.surface), "Side view of the body at seven times.")
+    page.add_section("Trials")
+    rows = [[name, *("-" if each is None else f"{each} of {TRIALS}" for each in both)]
+            for name, both in result.held.items()]  # fmt: skip
+    page.add_table(
+        ["driver", "half of training", "other half"],
+        rows,
+        "Trials that succeed; start, heading, friction and strength vary.",
+    )
+    if result.other is not None:
+        page.add_text(_compare_models(result, film.positions))
+    history = run.history
+    page.add_section(
+        "Evolution",
+        f"CMA-ES from zero: {int(history[-1]['evaluations'])} genotypes in {len(history)} generations.",
+    )
+    page.add_figure(
+        draw_learning_curve(history["evaluations"], history["best"], history["median"]),
+        "Fitness of the generations.",
+    )
+    genes = [[name, f"{value:.3f}"] for name, value in zip(champion.names, champion.genotype, strict=True)]
+    page.add_table(["gene", "value"], genes, f"The champion; controller: {champion.controller}.")
+    folder = shlex.quote(str(result.folder))
+    page.add_section("Going on")
+    page.add_list([
+        f"symbrion view {folder}/arena shows the site and where to drive",
+        "symbrion train SCAN --out NEW --start X Y --goal X Y trains another way",
+        f"symbrion resume {folder}/run --generations 60 evolves further",
+        f"symbrion replay {folder}/run --arena {folder}/{'other' if result.other else 'arena'} --video champion.mp4",
+    ])  # fmt: skip
+    page.write(result.page)
+
+
+def _describe_way(config: Any) -> str:
+    """Return where the way leads."""
+    places = [config.start, *dict(config.environment).get("places", ()), config.goal]
+    named = [each if isinstance(each, str) else f"({each[0]:.2f}, {each[1]:.2f})" for each in places if each]
+    return f"Task: {config.task}, from {named[0]} to {', then '.join(named[1:]) or 'beyond the gap'} [m]."
+
+
+def _make_route(positions: np.ndarray, height: float) -> DrivingRoute:
+    """Return the way that a body has driven, on the ground."""
+    path = positions.mean(axis=1) - [0.0, 0.0, height / 2]
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    ahead = positions[0, 0] - positions[0, -1] if positions.shape[1] > 1 else path[-1] - path[0]
+    heading = float(np.arctan2(ahead[1], ahead[0]))
+    first, last = (tuple(each.tolist()) for each in path[[0, -1]])
+    return DrivingRoute(first, last, heading, path, float(steps.sum()), 0.0, 0)
+
+
+def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
+    """Return the site with what nobody saw in another color, and the path of the body."""
+    scene = Scene()
+    scene.add_surface("surface", arena.seen_surface, _GROUND)
+    if arena.unseen:
+        faces = np.asarray(arena.surface.faces)[list(arena.unseen)]
+        scene.add_surface(
+            "not confirmed", trimesh.Trimesh(arena.surface.vertices, faces, process=False), _UNSEEN
+        )
+    scene.add_path("champion", positions)
+    return scene
+
+
+def _compare_models(result: Training, positions: np.ndarray) -> str:
+    """Return how far the models differ where the robot drove."""
+    assert result.other is not None
+    x, y = positions[..., 0].ravel(), positions[..., 1].ravel()
+    gaps = np.abs(result.arena.height(x, y) - result.other.height(x, y))
+    gaps = gaps[np.isfinite(gaps)]
+    if not len(gaps):
+        return "Where the champion drove, only one of the models has a surface."
+    middle, most = (format_distance(float(np.percentile(gaps, share))) for share in (50, 95))
+    where = "Where the champion drove, the surfaces of the two halves differ by"
+    return f"{where} {middle} in the median, and by less than {most} at 95 % of the places."

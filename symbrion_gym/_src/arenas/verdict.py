@@ -1,0 +1,171 @@
+"""Whether a robot can use an arena, in one word, with the figures that decide it and what helps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from reconstruction._src.base.range_checks import format_distance, format_share
+from reconstruction._src.geometry.orientation import measure_level_areas
+from reconstruction._src.geometry.sampling import sample_area
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.traversability.drivable import TraversabilityMap
+from symbrion_gym._src.traversability.footprint import SLOPE_LIMIT
+
+ANSWERS = ("yes", "in part", "no")
+ROBOT = ScoutConfig.size[0]  # The robot that a verdict is about: a Scout [m]
+_HELD = 0.02  # Contact this near above or below the surface holds a robot there [m]
+_NUM_SAMPLES = 4000  # Samples of the ground: a share of 2 % is known to 0.2 %
+_ABOVE = 0.05  # Ground is looked for from this far above the surface [m]
+_OTHER_AXIS = 1.25  # So many times more area level along another axis than along z makes z doubtful
+
+# Limits beyond which a figure says "in part", and beyond which it says "no".
+_LOOSE = 0.02, 0.15  # Share of the seen level ground without contact that holds
+_UNCOVERED = 0.05, 0.35  # Share of all surface without contact within 5 cm
+_BEAMS = 0.1, 0.5  # Share of the beams that end right on the surface and elsewhere on contact
+_UNSEEN = 0.1, 1.1  # Share of the level ground that nobody saw
+_ACCURACY = ROBOT / 5, ROBOT / 2  # Distance of contact from the surface that its readings allow [m]
+_LEAST_AREA = 100 * ROBOT**2, 10 * ROBOT**2  # Largest area to drive on [m²]
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A figure that is not good enough."""
+
+    figure: str  # its name
+    value: float  # a share of 1, a length [m] or an area [m²]
+    answer: str  # "in part" or "no", as it alone would decide
+    meaning: str  # the figure in a sentence
+    remedy: str  # what helps, in words of the command line
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an arena is good for a Scout.
+
+    Attributes:
+        answer: "yes", "in part" (where the robot can drive, the map shows: `symbrion view`) or "no".
+        reasons: why it is not "yes", those that say "no" first; none for "yes".
+    """
+
+    answer: str
+    reasons: tuple[Reason, ...] = ()
+
+    def __str__(self) -> str:
+        """Return the verdict as one line."""
+        why = "; ".join(f"{each.meaning} ({each.remedy})" for each in self.reasons)
+        return f"good for a robot of {ROBOT:g} m: {self.answer}{why and f', because {why}'}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON."""
+        return asdict(self)
+
+
+def find_verdict(
+    surface: trimesh.Trimesh,
+    seen: trimesh.Trimesh,
+    contact: Sequence[trimesh.Trimesh] | HeightField,
+    quality: ArenaQuality,
+    accuracy: float,
+    ground: TraversabilityMap | None,
+) -> Verdict:
+    """Return the verdict about an arena.
+
+    Args:
+        surface: all of its surface.
+        seen: the part of it that readings confirm.
+        contact: pieces, or a height field.
+        quality: distances and shares that were measured when it was made.
+        accuracy: that which was wanted: it follows the readings [m].
+        ground: where a Scout can drive; None where there is no ground.
+    """
+    figures = [
+        *_judge_up(surface, ground),
+        *_judge_ground(seen, contact, ground),
+        *_judge_contact(quality, accuracy),
+        *_judge_unseen(surface, seen),
+    ]
+    reasons = sorted(figures, key=lambda each: -ANSWERS.index(each.answer))
+    return Verdict(reasons[0].answer if reasons else ANSWERS[0], tuple(reasons))
+
+
+def _weigh(
+    figure: str, value: float, limits: tuple[float, float], meaning: str, remedy: str
+) -> Iterator[Reason]:
+    """Yield a figure that is beyond its limits, which rise, or fall where less is worse."""
+    sign = 1.0 if limits[0] < limits[1] else -1.0
+    answer = ANSWERS[sum(sign * value > sign * limit for limit in limits)]
+    if answer != ANSWERS[0]:
+        yield Reason(figure, value, answer, meaning, remedy)
+
+
+def _judge_up(surface: trimesh.Trimesh, ground: TraversabilityMap | None) -> Iterator[Reason]:
+    """Yield a doubt about the axis that points up, where there is hardly anything to drive on."""
+    shares = measure_level_areas(np.asarray(surface.vertices), np.asarray(surface.faces))
+    axis = int(shares.argmax())
+    if shares[axis] > _OTHER_AXIS * shares[2] and _find_area(ground) < _LEAST_AREA[0]:
+        name, (along, upright) = "xyz"[axis], (format_share(float(each)) for each in shares[[axis, 2]])
+        meaning = f"{along} of the surface is level along {name} and {upright} along z"
+        remedy = f"where {name} points up, read it by --up {name} or --up=-{name}"
+        yield Reason("up_axis", float(shares[2]), "no", meaning, remedy)
+
+
+def _judge_ground(
+    seen: trimesh.Trimesh, contact: Sequence[trimesh.Trimesh] | HeightField, ground: TraversabilityMap | None
+) -> Iterator[Reason]:
+    """Yield what is wrong with the ground: too little to drive on, or contact that does not hold a robot there."""
+    area = _find_area(ground)
+    meaning = f"the largest area to drive on has {area:.2g} m²"
+    yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, "symbrion view shows it; scan more ground")
+    if ground is not None and ground.grid.cell > ROBOT:
+        meaning = f"its map has cells of {format_distance(ground.grid.cell)}, wider than the robot"
+        yield Reason("cell", ground.grid.cell, "no", meaning, "--crop a part, or reconstruct with --tile")
+    level = _select_level(seen)
+    if not len(level.faces):
+        return
+    points = sample_area(np.asarray(level.vertices), np.asarray(level.faces), _NUM_SAMPLES)
+    rays = RayMesh([contact.as_mesh()] if isinstance(contact, HeightField) else contact)
+    ends = rays.cast(np.add(points, [0.0, 0.0, _ABOVE]), np.tile([0.0, 0.0, -1.0], (len(points), 1)))
+    loose = float((np.abs(ends - _ABOVE) > _HELD).mean())
+    meaning = f"{format_share(loose)} of the level ground has no contact within 2 cm"
+    yield from _weigh("loose_ground", loose, _LOOSE, meaning, "more --max-pieces, or another --kind")
+
+
+def _judge_contact(quality: ArenaQuality, accuracy: float) -> Iterator[Reason]:
+    """Yield what is wrong with the contact everywhere: too coarse, not there, or in the way of the scanner's beams."""
+    meaning = f"the readings allow contact {format_distance(accuracy)} off"
+    yield from _weigh(
+        "accuracy", accuracy, _ACCURACY, meaning, "scan from nearer, or --crop to dense readings"
+    )
+    meaning = f"{format_share(quality.uncovered)} of the surface has no contact within 5 cm"
+    yield from _weigh(
+        "uncovered", quality.uncovered, _UNCOVERED, meaning, "more --max-pieces, or --crop a part"
+    )
+    if quality.beams_contact is not None and quality.beams_surface:
+        lost = max(1.0 - quality.beams_contact / quality.beams_surface, 0.0)
+        meaning = f"{format_share(lost)} of the beams that end right on the surface end elsewhere on contact"
+        yield from _weigh("beams", lost, _BEAMS, meaning, "check --viewpoint, or more --max-pieces")
+
+
+def _judge_unseen(surface: trimesh.Trimesh, seen: trimesh.Trimesh) -> Iterator[Reason]:
+    """Yield how much of the level ground nobody saw."""
+    whole = float(_select_level(surface).area)
+    unseen = 1.0 - float(_select_level(seen).area) / whole if whole else 0.0
+    meaning = f"{format_share(unseen)} of the level ground was not seen"
+    yield from _weigh("unseen_ground", unseen, _UNSEEN, meaning, "scan from more places, or --crop it off")
+
+
+def _find_area(ground: TraversabilityMap | None) -> float:
+    return 0.0 if ground is None or not ground.num_regions else float(ground.region_areas[0])
+
+
+def _select_level(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return the faces that look up and are no steeper than a Scout climbs."""
+    is_level = mesh.face_normals[:, 2] > np.cos(SLOPE_LIMIT) if len(mesh.faces) else np.zeros(0, dtype=bool)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces[is_level], process=False)

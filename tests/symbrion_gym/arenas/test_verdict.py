@@ -1,0 +1,87 @@
+"""Verdicts: made floors with known faults, the axis that points up, ground that nobody saw, and their files."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import reconstruction as rc
+import symbrion_gym as sg
+from evolution._src.cli.main import run
+from symbrion_gym._src.arenas.scanned import find_unseen
+from symbrion_gym._src.contact.quality import ArenaQuality
+
+FLOOR = trimesh.creation.box((3.0, 2.0, 0.1)).apply_translation([0.0, 0.0, -0.05])
+
+
+def make_floor(shift: float = 0.0, **changes: float) -> sg.Arena:
+    """Return a floor of 3 m by 2 m whose contact is shifted up [m]."""
+    piece = FLOOR.copy().apply_translation([0.0, 0.0, shift])
+    quality = replace(ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=1), **changes)
+    return sg.Arena("floor", [piece], FLOOR, quality)
+
+
+def test_an_exact_floor_is_good() -> None:
+    verdict = make_floor().verdict
+    assert (verdict.answer, verdict.reasons, str(verdict)) == ("yes", (), "good for a robot of 0.105 m: yes")
+
+
+@pytest.mark.parametrize(
+    ("shift", "changes", "figure", "answer"),
+    [
+        (-0.03, {}, "loose_ground", "no"),
+        (0.0, {"uncovered": 0.06}, "uncovered", "in part"),
+        (0.0, {"beams_surface": 0.9, "beams_contact": 0.4}, "beams", "no"),
+    ],
+)
+def test_a_figure_decides(shift: float, changes: dict[str, float], figure: str, answer: str) -> None:
+    (reason,) = make_floor(shift, **changes).verdict.reasons
+    assert (reason.figure, reason.answer) == (figure, answer)
+
+
+def test_a_coarse_scan_is_good_for_no_robot() -> None:
+    arena = replace(make_floor(), provenance={"accuracy": 1.49})
+    assert arena.verdict.answer == "no"
+    assert "the readings allow contact 1.49 m off" in str(arena.verdict)
+
+
+def test_ground_that_nobody_saw_is_not_driven_on(tmp_path: Path) -> None:
+    mesh = trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(FLOOR.vertices, FLOOR.faces, 0.2)[:2])
+    readings = np.random.default_rng(0).uniform([-1.5, -1.0, 0.0], [0.0, 1.0, 0.0], (4000, 3))
+    arena = replace(make_floor(), surface=mesh, unseen=find_unseen(mesh, readings))
+    ground = arena.traversability()
+    assert -0.4 < ground.positions[ground.is_drivable, 0].max() < 0.45
+    assert arena.find_route().goal[0] < 0.45
+    assert [each.figure for each in arena.verdict.reasons] == ["unseen_ground"]
+    arena.save(tmp_path)
+    loaded = sg.Arena.load(tmp_path)
+    assert loaded.verdict == arena.verdict
+    assert loaded.unseen == arena.unseen
+
+
+def test_a_mesh_whose_floor_lies_along_y_is_turned_upright(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    turned = FLOOR.copy().apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
+    turned.export(tmp_path / "floor.ply")
+    with caplog.at_level("WARNING"):
+        arena = sg.make_arena(tmp_path / "floor.ply", cache=False)
+    assert "y is taken for up" in caplog.text
+    assert arena.verdict.answer == "yes"
+    assert arena.surface.extents == pytest.approx([3.0, 2.0, 0.1])
+    command = ["arena", str(tmp_path / "floor.ply"), "--up", "z", "--strict", "--out", str(tmp_path / "a")]
+    assert run(command) == 3
+    assert "level along y" in capsys.readouterr().out
+
+
+def test_beams_without_return_are_dropped_and_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    points = np.random.default_rng(0).uniform(1.0, 2.0, (50, 3))
+    np.savez(tmp_path / "scan.npz", points=np.vstack([np.zeros((7, 3)), points]))
+    with caplog.at_level("WARNING"):
+        cloud = rc.load_cloud(tmp_path / "scan.npz")
+    assert "dropped 7 beams without return" in caplog.text
+    assert cloud.points == pytest.approx(points)
