@@ -1,19 +1,34 @@
-"""Folders of commands that make many files: who may write there, and what shows that the files are theirs."""
+"""Commands that make many files: their steps, who may write in their folders, what shows that the files are theirs."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import filelock
 
 from evolution._src.errors import RunError
 from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.typed_json import JsonError, read_json
+
+
+class Step(Protocol):
+    """One step of the pipeline, as the command line draws it."""
+
+    seconds: float  # wall time, known when the step has ended
+
+    @property
+    def progress(self) -> Progress:
+        """The callback for the function that does the work, see `reconstruction._src.base.progress`."""
+        ...
+
+
+Track = Callable[[str], AbstractContextManager[Step]]  # Starts a step with the given title
 
 
 def claim_folder(folder: Path, marker: str, options: dict[str, Any], outputs: Iterable[str]) -> None:

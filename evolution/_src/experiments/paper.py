@@ -28,8 +28,7 @@ import symbrion_gym as sg
 from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import make_controller
 from evolution._src.errors import RunError
-from evolution._src.experiments.demo import Track, find_insufficient
-from evolution._src.experiments.folders import write_json
+from evolution._src.experiments.folders import Track, write_json
 from evolution._src.report.body_page import describe_machine
 from evolution._src.report.video import encode_video
 from evolution._src.search.run import RunFolder
@@ -580,3 +579,16 @@ def compute_ratio(costs: Sequence[float], reference: Sequence[float], seed: int 
     low, high = np.percentile(sums[:, 0] / sums[:, 1], (2.5, 97.5))
     mean = pairs.mean(axis=0)
     return {"ratio": float(mean[0] / mean[1]), "low": float(low), "high": float(high)}
+
+
+def find_insufficient(run: ev.Run) -> ev.Champion:
+    """Return an insufficiently evolved robot: of those of the first generation that did not cross, the median one."""
+    assert run.champion is not None
+    first = [entry for entry in run.record.entries if entry.generation == 0]
+    failed = sorted(
+        (entry for entry in first if not any(entry.outcome.succeeded)), key=lambda entry: entry.fitness
+    )
+    if not failed:  # all crossed at once: a robot that does nothing instead
+        return dataclasses.replace(run.champion, genotype=(0.0,) * len(run.champion.genotype))
+    genotype = failed[len(failed) // 2].genotype
+    return dataclasses.replace(run.champion, genotype=tuple(map(float, genotype)))

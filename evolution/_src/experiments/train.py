@@ -39,6 +39,7 @@ Place = tuple[float, ...]  # (x, y) [m]
 MARKER, PAGE = "train.json", "report.html"
 HALVES = ("arena", "other")  # Folders of both models: that of training, and that which checks it
 RUN = "run"  # Folder of the evolution
+OUTPUTS = (*HALVES, RUN, PAGE)
 TRIALS = 20  # Trials in each half of the champion, and of what it is compared with
 GENERATIONS = 30
 _SITE = 20.0  # Edge of the square of a larger scan that is used, about its middle [m]: a Scout drives 10 m in 100 s
@@ -71,8 +72,8 @@ class Training:
         other: model of the other half; None for a mesh or a folder, which have no readings to be halved.
         verdict: whether the first model is good for a robot, with what the other half does not confirm.
         run: the evolution; `run.champion` drives.
-        held: name of who drives ("champion", "doing nothing", "tracks forward") -> successes in the model of training
-            and in the other one (None without one), of `TRIALS` trials with fresh conditions.
+        held: where ("training", "other half", "truth", as far as there are) -> who drives ("champion", "doing nothing",
+            "tracks forward") -> successes in `TRIALS` trials with fresh conditions.
         page: the report.
     """
 
@@ -81,18 +82,18 @@ class Training:
     other: sg.Arena | None
     verdict: Verdict
     run: ev.Run
-    held: dict[str, tuple[int, int | None]]
+    held: dict[str, dict[str, int]]
     page: Path
 
     @property
     def held_in_training(self) -> int:
         """Successes of the champion in the model in which it evolved."""
-        return self.held["champion"][0]
+        return self.held["training"]["champion"]
 
     @property
     def held_in_other_half(self) -> int | None:
         """Successes of the champion in the model of the readings that evolution has not seen."""
-        return self.held["champion"][1]
+        return self.held.get("other half", {}).get("champion")
 
 
 def read_site(path: str | Path, viewpoints: ArrayLike | None = None, **frame: Any) -> Site:
@@ -120,6 +121,7 @@ def train(
     start: Place | None = None,
     goal: Place | None = None,
     organism: Any = None,
+    truth: sg.Arena | None = None,
     seed: int = 0,
     workers: int = os.cpu_count() or 1,
     progress: Progress = silent,
@@ -135,6 +137,7 @@ def train(
         goal: likewise; chosen so that the way has a corner.
         organism: body, by name, number of modules or `Organism`; None: a lone Scout, or a row that crosses the gap
             between start and goal.
+        truth: the exact arena where it is known, in which the champion is judged, too.
         seed: of everything; equal seeds give equal results.
         workers: number of threads; results do not depend on it.
         progress: called with what is being done and the share done.
@@ -150,7 +153,7 @@ def train(
     progress("reading the scan", 0.0)
     site = read_site(scan) if isinstance(scan, str | Path) else scan
     options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
-    claim_folder(folder, MARKER, {"scan": _digest(site), "seed": seed, **options}, (*HALVES, RUN, PAGE))
+    claim_folder(folder, MARKER, {"scan": _digest(site), "seed": seed, **options}, OUTPUTS)
     arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6))
     verdict = arenas[0].verdict
     if verdict.answer == "no":
@@ -159,11 +162,13 @@ def train(
     config = choose_task(arenas, folder, body, start, goal, seed, workers)
     run = _evolve(config, _part(progress, 0.6, 0.85))
     progress("judging the champion", 0.85)
-    held = judge_all(run, arenas, seed, workers)
-    result = Training(folder, arenas[0], None, verdict, run, held, folder / PAGE)
-    result = replace(result, other=arenas[1] if len(arenas) > 1 else None)
+    other = arenas[1] if len(arenas) > 1 else None
+    places = {"training": arenas[0], "other half": other, "truth": truth}
+    known = {name: arena for name, arena in places.items() if arena is not None}
+    held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
+    result = Training(folder, arenas[0], other, verdict, run, held, folder / PAGE)
     progress("writing the page", 0.9)
-    write_train_page(result, seed)
+    write_train_page(result, list(known.values())[-1], seed)
     progress("done", 1.0)
     return result
 
@@ -187,7 +192,7 @@ def _digest(site: Site) -> str:
     return found.hexdigest()
 
 
-def split_readings(site: rc.ScanLog | rc.Cloud) -> list[rc.ScanLog] | list[rc.Cloud]:
+def split_readings(site: rc.ScanLog | rc.Cloud) -> list[Any]:
     """Return two halves that share no reading: scans, or positions of the scanner, alternately; else points."""
     if isinstance(site, rc.ScanLog):
         colors = site.colors
@@ -278,7 +283,8 @@ def choose_task(
     common |= {"folder": str(folder / RUN), "generations": GENERATIONS}
     crossing = _find_crossing(arenas, body, start, goal)
     if crossing is not None:
-        return ev.EvolutionConfig(organism=crossing, task="cross_gap", start=start or "floor", **common)
+        task = {} if start is None else {"task": "cross_gap", "start": start}
+        return ev.EvolutionConfig(organism=crossing, **task, **common)
     body = body or sg.snake(1)
     problem: ValueError = sg.ArenaError("no place of it is confirmed by both halves, with room around it")
     for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):
@@ -382,10 +388,8 @@ def _evolve(config: ev.EvolutionConfig, progress: Progress) -> ev.Run:
     return ev.resume(folder.path, workers=config.workers, progress=progress)
 
 
-def judge_all(
-    run: ev.Run, arenas: list[sg.Arena], seed: int, workers: int
-) -> dict[str, tuple[int, int | None]]:
-    """Return how often the champion, a robot that does nothing and one that drives straight on hold in each model."""
+def judge_in(arena: sg.Arena, run: ev.Run, seed: int, workers: int) -> dict[str, int]:
+    """Return how often the champion, a robot that does nothing and one that drives straight on hold in an arena."""
     champion, randomization = run.champion, replace(run.config.randomization, stretch=(1.0,))
     if champion is None:
         raise RunError(f"{run.folder}: no genotype could be tried; give another --start and --goal")
@@ -393,14 +397,14 @@ def judge_all(
     drivers = {"champion": champion.genotype, "tracks forward": tuple(straight.values())}
     if "track_speed_change" in straight:
         drivers["doing nothing"] = tuple((straight | {"track_speed_change": -1.0}).values())
-    held: dict[str, tuple[int, int | None]] = {}
-    for name, genotype in drivers.items():
-        driver = replace(champion, genotype=genotype)
-        found = [
-            ev.judge(
-                driver, cast(Any, arena), TRIALS, seed, randomization=randomization, workers=workers
-            ).successes
-            for arena in arenas
-        ]
-        held[name] = found[0], found[1] if len(found) > 1 else None
-    return held
+    return {
+        name: ev.judge(
+            replace(champion, genotype=genotype),
+            arena,
+            TRIALS,
+            seed,
+            randomization=randomization,
+            workers=workers,
+        ).successes
+        for name, genotype in drivers.items()
+    }

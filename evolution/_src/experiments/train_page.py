@@ -29,15 +29,15 @@ _GROUND, _UNSEEN = (
 _THRESHOLD = 0.9  # Share of the trials that a good champion holds
 
 
-def write_train_page(result: Training, seed: int) -> None:
-    """Write the page of a training as one self-contained HTML file."""
+def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
+    """Write the page of a training as one self-contained HTML file, with a film in the last arena that judges."""
     from evolution._src.experiments.train import TRIALS
 
     run, arena, config = result.run, result.arena, result.run.config
     champion = run.champion
     assert champion is not None
-    body, judged_in = format_count(champion.modules, "module"), result.other or arena
     film = ev.play(champion, judged_in, seed, film=True)
+    body, where = format_count(champion.modules, "module"), list(result.held)[-1]
     organism = champion.find_organism()
     ground, route = arena.traversability(organism), _make_route(film.positions, organism.scout.size[2])
     page = Page(
@@ -48,12 +48,9 @@ def write_train_page(result: Training, seed: int) -> None:
         footer=f"symbrion train --seed {seed} · {describe_machine()}",
     )
     page.add_verdict(f"{str(result.verdict).capitalize()}.", good=result.verdict.answer == "yes")
-    held = result.held_in_training if result.held_in_other_half is None else result.held_in_other_half
-    where = "the model of training" if result.other is None else "the other half"
-    page.add_verdict(
-        f"The champion ({body}) holds in {held} of {TRIALS} trials with fresh conditions in {where}.",
-        good=held >= _THRESHOLD * TRIALS,
-    )
+    for place, drivers in result.held.items():
+        text = f"The champion ({body}) holds in {drivers['champion']} of {TRIALS} fresh trials: {place}."
+        page.add_verdict(text, good=drivers["champion"] >= _THRESHOLD * TRIALS)
     page.add_section("The way", _describe_way(config))
     page.add_figure(
         to_png(
@@ -64,19 +61,18 @@ def write_train_page(result: Training, seed: int) -> None:
     )
     if film.frames:
         page.add_video(
-            encode_video(film.frames, film.fps), f"The champion in {where}, at five times real time."
+            encode_video(film.frames, film.fps), f"The champion ({where}), at five times real time."
         )
     page.add_scene(
         _make_scene(arena, film.positions), "The site, and the champion on its way. Drag to turn it."
     )
     page.add_figure(draw_tracks(film.positions, judged_in.surface), "Side view of the body at seven times.")
     page.add_section("Trials")
-    rows = [[name, *("-" if each is None else f"{each} of {TRIALS}" for each in both)]
-            for name, both in result.held.items()]  # fmt: skip
+    rows = [
+        [name, *(f"{held[name]} of {TRIALS}" for held in result.held.values())] for name in result.held[where]
+    ]
     page.add_table(
-        ["driver", "half of training", "other half"],
-        rows,
-        "Trials that succeed; start, heading, friction and strength vary.",
+        ["driver", *result.held], rows, "Trials that succeed; start, heading, friction and strength vary."
     )
     if result.other is not None:
         page.add_text(_compare_models(result, film.positions))
@@ -96,7 +92,6 @@ def write_train_page(result: Training, seed: int) -> None:
     page.add_list([
         f"symbrion view {folder}/arena shows the site and where to drive",
         "symbrion train SCAN --out NEW --start X Y --goal X Y trains another way",
-        f"symbrion resume {folder}/run --generations 60 evolves further",
         f"symbrion replay {folder}/run --arena {folder}/{'other' if result.other else 'arena'} --video champion.mp4",
     ])  # fmt: skip
     page.write(result.page)

@@ -73,11 +73,6 @@ class Page:
         """Add a figure, or a PNG image, with a caption."""
         self._blocks.append({"kind": "figure", "picture": inline_picture(picture), "caption": caption})
 
-    def add_gallery(self, pictures: Mapping[str, bytes | Figure], caption: str) -> None:
-        """Add images with labels, side by side, or one below the other on a narrow page."""
-        shown = [inline_picture(item) | {"label": label} for label, item in pictures.items()]
-        self._blocks.append({"kind": "gallery", "pictures": shown, "caption": caption})
-
     def add_cards(self, cards: Sequence[Card], caption: str) -> None:
         """Add a grid of pictures; a click opens the text, and the video where there is one."""
         shown = [

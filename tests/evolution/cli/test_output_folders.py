@@ -13,14 +13,12 @@ import pytest
 import trimesh
 from kills import kill_at_each_moment
 
-import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.cli.main import run
-from evolution._src.experiments.demo import OUTPUTS as DEMO_OUTPUTS
-from evolution._src.experiments.demo import DemoConfig, claim_folder
 from evolution._src.experiments.folders import write_json
 from evolution._src.experiments.paper import OUTPUTS
+from evolution._src.experiments.train import OUTPUTS as TRAIN_OUTPUTS
 from evolution._src.report.page import Page
 
 
@@ -38,7 +36,7 @@ def read_all(folder):
 
 @pytest.mark.parametrize(
     ("command", "name"),
-    [*((("demo",), name) for name in DEMO_OUTPUTS), *((("paper", "--quick"), name) for name in OUTPUTS)],
+    [*((("demo",), name) for name in TRAIN_OUTPUTS), *((("paper", "--quick"), name) for name in OUTPUTS)],
 )
 def test_other_files_are_not_overwritten(tmp_path, command: tuple[str, ...], name, capsys):
     put_user_file(tmp_path / "x", name)
@@ -48,24 +46,6 @@ def test_other_files_are_not_overwritten(tmp_path, command: tuple[str, ...], nam
     assert name in error
     assert "name another folder" in error
     assert read_all(tmp_path) == before
-
-
-def test_the_demo_knows_its_own_folder(tmp_path):
-    config = DemoConfig(tmp_path / "x")
-    claim_folder(config)
-    for name in DEMO_OUTPUTS:
-        (tmp_path / "x" / name).parent.mkdir(exist_ok=True)
-        (tmp_path / "x" / name).touch()
-    claim_folder(config)
-
-
-@pytest.mark.parametrize("content", ['{"my": "own"}', "[]", "not json", ""])
-def test_a_foreign_marker_is_refused(tmp_path, content):
-    (tmp_path / "demo.json").write_text(content)
-    (tmp_path / "survey.npz").write_text("mine")
-    with pytest.raises(ev.RunError, match=r"demo\.json was not written by a demo"):
-        claim_folder(DemoConfig(tmp_path))
-    assert (tmp_path / "demo.json").read_text() == content
 
 
 def test_arenas_replace_only_arenas(tmp_path, capsys):

@@ -30,13 +30,14 @@ def test_halves_share_no_reading() -> None:
 
 
 def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "GENERATIONS", 1)
+    monkeypatch.setattr(training, "TRIALS", 6)
     result = ev.train(make_scan(), tmp_path / "mine", workers=2)
     assert result.verdict == result.arena.verdict
-    assert result.held_in_training >= 18
-    assert result.held_in_other_half is not None
-    assert result.held_in_other_half >= 18
-    for name in ("doing nothing", "tracks forward"):
-        assert max(held or 0 for held in result.held[name]) <= 2
+    assert result.held_in_training >= 5
+    assert (result.held_in_other_half or 0) >= 5
+    for drivers in result.held.values():
+        assert max(drivers["doing nothing"], drivers["tracks forward"]) <= 1
     assert "holds in" in result.page.read_text(encoding="utf-8")
 
     def refuse(*_: object, **__: object) -> None:

@@ -47,38 +47,38 @@ class Experiment(SeededCommand):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Demo(Experiment):
-    """Run the whole pipeline: survey, networks, arenas, evolution, trials in the true arena, video, report.
+    """Train a row of eight Scouts on a survey of the course, and judge its champion in the true course, too.
 
     Example: symbrion demo --out demo
     """
 
     out: Path = Path("demo")
-    """Output folder; open report.html in it. The files of an earlier demo there are replaced."""
+    """Output folder; open report.html in it. The same command again goes on where it was interrupted."""
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion demo`", "scan", "report")
-        from evolution._src.experiments.demo import DemoConfig, run_pipeline
-        from evolution._src.experiments.demo_page import write_demo_page
+        import evolution as ev
+        import symbrion_gym as sg
+        from evolution._src.experiments.folders import refuse_foreign_files
+        from evolution._src.experiments.train import MARKER, OUTPUTS
 
-        result = run_pipeline(DemoConfig(self.out, self.seed, workers=self.workers), console.track)
-        report = self.out / "report.html"
-        with console.track("7/7 report"):
-            write_demo_page(result, report)
-        for name, crosses in result.crosses.items():
-            outcome = result.outcomes[name]
-            verdict = "crosses" if crosses else "does NOT cross"
-            place = "true" if name == "truth" else "reconstructed"
-            rate = f"{outcome.successes} of {outcome.trials} randomized trials succeed"
-            console.print_line(f"{place} arena: the champion {verdict} the pit; {rate}")
-        console.print_line(f"report: {report.resolve()}")
-        return {
-            "ok": all(result.crosses.values()),
-            "report": report,
-            "crosses": result.crosses,
-            "successes": {name: outcome.successes for name, outcome in result.outcomes.items()},
-            "trials": {name: outcome.trials for name, outcome in result.outcomes.items()},
-            "seconds": result.seconds,
-        }
+        refuse_foreign_files(self.out, MARKER, OUTPUTS)
+        truth = sg.Arena.from_course(sg.Course(color_pattern="checker"), "truth")
+        survey = self.out / "survey.npz"
+        if not survey.exists():
+            with console.track("Survey of the course") as step:
+                sg.survey(truth, seed=self.seed, progress=step.progress, camera=True).save(survey)
+        with console.track("Training") as step:
+            result = ev.train(
+                survey,
+                self.out,
+                organism=8,
+                truth=truth,
+                seed=self.seed,
+                workers=self.workers,
+                progress=step.progress,
+            )
+        return _report(result, step.seconds, console)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ class Train(FrameCommand):
 
     def run(self, console: Console) -> dict[str, Any]:
         import evolution as ev
-        from evolution._src.experiments.train import TRIALS, read_site
+        from evolution._src.experiments.train import read_site
 
         with console.track(f"Training in {self.scan.name}") as step:
             frame = {"unit": self.unit, "up": self.up, "scale": self.scale}
@@ -130,22 +130,30 @@ class Train(FrameCommand):
                 workers=self.workers,
                 progress=step.progress,
             )
-        console.print_line(str(result.verdict))
-        rows = [[name, *("-" if each is None else f"{each} of {TRIALS}" for each in held)]
-                for name, held in result.held.items()]  # fmt: skip
-        console.show_table("Trials held", ["driver", "in the half of training", "in the other half"], rows)
-        console.print_line(f"page: {result.page.resolve()}")
-        return {
-            "folder": self.out,
-            "page": result.page,
-            "verdict": result.verdict.as_dict(),
-            "trials": TRIALS,
-            "held": result.held,
-            "start": result.run.config.start,
-            "goal": result.run.config.goal,
-            "modules": result.run.config.modules,
-            "seconds": step.seconds,
-        }
+        return _report(result, step.seconds, console)
+
+
+def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
+    """Print what a robot has learned, and return it as a summary."""
+    from evolution._src.experiments.train import TRIALS
+
+    console.print_line(str(result.verdict))
+    for where, drivers in result.held.items():
+        counts = ", ".join(f"{name} {count}" for name, count in drivers.items())
+        console.print_line(f"held of {TRIALS} trials, {where}: {counts}")
+    console.print_line(f"page: {result.page.resolve()}")
+    config = result.run.config
+    return {
+        "folder": result.folder,
+        "page": result.page,
+        "verdict": result.verdict.as_dict(),
+        "trials": TRIALS,
+        "held": result.held,
+        "start": config.start,
+        "goal": config.goal,
+        "modules": config.modules,
+        "seconds": seconds,
+    }
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

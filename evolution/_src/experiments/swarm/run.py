@@ -10,7 +10,7 @@ import numpy as np
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution._src.experiments.demo import Track as Steps
+from evolution._src.experiments.folders import Track as Steps
 from evolution._src.experiments.folders import claim_folder, write_json
 from evolution._src.experiments.swarm.story import StoryConfig, tell_story
 from evolution._src.search.run import RunFolder, load_champion
