@@ -101,7 +101,7 @@ class ScanCommand(FrameCommand):
     def read_scan(self) -> Scan:
         """Return the points of SCAN, pre-processed, cropped and thinned as the options say."""
         log = self._read_log()
-        readings = self._read_cloud() if log is None else rc.recenter(rc.make_log_cloud(log))
+        readings = self._read_cloud() if log is None else rc.recenter(rc.make_log_cloud(rc.level_floor(log)))
         ends = (edge + readings.offset for edge in (readings.points.min(axis=0), readings.points.max(axis=0)))
         extent = format_extents(*ends)
         box = np.reshape(self.crop, (3, 2)).T if isinstance(self.crop, tuple) else None

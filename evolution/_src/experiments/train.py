@@ -244,11 +244,12 @@ def make_models(site: Site, folder: Path, seed: int, progress: Progress = silent
 
 
 def _make_model(half: rc.ScanLog | rc.Cloud, seed: int, name: str, progress: Progress) -> sg.Arena:
-    is_log = isinstance(half, rc.ScanLog)
-    readings = rc.make_log_cloud(half) if is_log else half
-    points = rc.preprocess_cloud(half)
-    points = rc.thin(points, SPACING) if is_log else points
-    made = rc.reconstruct(points, readings=readings, seed=seed, progress=_part(progress, 0.0, 0.4))
+    readings, points = half, rc.preprocess_cloud(half)
+    if isinstance(half, rc.ScanLog):
+        readings, points = rc.make_log_cloud(rc.level_floor(half)), rc.thin(points, SPACING)
+    made = rc.reconstruct(
+        points, readings=cast(rc.Cloud, readings), seed=seed, progress=_part(progress, 0.0, 0.4)
+    )
     return sg.make_arena(made, name=name, seed=seed, progress=_part(progress, 0.4, 1.0))
 
 

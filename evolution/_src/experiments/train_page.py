@@ -100,8 +100,8 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
 def _describe_way(config: Any) -> str:
     """Return where the way leads."""
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
-    named = [each if isinstance(each, str) else f"({each[0]:.2f}, {each[1]:.2f})" for each in places if each]
-    return f"Task: {config.task}, from {named[0]} to {', then '.join(named[1:]) or 'beyond the gap'} [m]."
+    named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
+    return f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."
 
 
 def _make_route(positions: np.ndarray, height: float) -> DrivingRoute:

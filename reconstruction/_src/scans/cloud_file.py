@@ -33,6 +33,7 @@ from reconstruction._src.scans.pcd import read_pcd
 from reconstruction._src.scans.ply import read_ply, write_ply
 from reconstruction._src.scans.point_rows import check_num_points
 from reconstruction._src.scans.scan import ScanLog, load_3dtk, read_3dtk_points, read_3dtk_pose
+from reconstruction._src.scans.selection import crop
 from reconstruction._src.scans.survey_files import read_e57, read_las
 from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 
@@ -115,9 +116,13 @@ def load_cloud(
 
 
 def make_log_cloud(log: ScanLog) -> Cloud:
-    """Return the points of a log, each seen from the position of its scan; equal positions are one viewpoint."""
+    """Return the points of a log, in its box where it has one, each seen from the position of its scan.
+
+    Equal positions are one viewpoint.
+    """
     raw = _find_log_points(log)
-    return Cloud(raw.points, raw.colors, raw.viewpoints, raw.seen_from)
+    cloud = Cloud(raw.points, raw.colors, raw.viewpoints, raw.seen_from)
+    return cloud if log.box is None else crop(cloud, log.box)
 
 
 def recenter(cloud: Cloud) -> Cloud:

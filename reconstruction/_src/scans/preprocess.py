@@ -16,7 +16,7 @@ from reconstruction._src.scans.cloud_file import make_log_cloud
 from reconstruction._src.scans.leveling import level_floor
 from reconstruction._src.scans.mixed_pixels import find_jumps, find_mixed_beams, select_needed_beams
 from reconstruction._src.scans.scan import ScanLog
-from reconstruction._src.scans.selection import as_points, crop, find_sparse_points
+from reconstruction._src.scans.selection import as_points, find_sparse_points
 
 _SPARSE_READINGS = 2, 0.005
 """Points in a cell and share of the points below which readings of a log are isolated. Its mixed pixels are found in
@@ -83,8 +83,6 @@ def _clean_log(log: ScanLog, keep_sparse: bool, progress: Progress) -> Cloud:
         is_mixed &= ~select_needed_beams(log, is_mixed)
     progress("smoothing", 0.6)
     cloud = make_log_cloud(smooth_ranges(log.replace(ranges=np.where(is_mixed, np.nan, log.ranges))))
-    if log.box is not None:
-        cloud = crop(cloud, log.box)
     return cloud.select(~find_sparse_points(cloud.points, *_SPARSE_READINGS, keep_flat=keep_sparse))
 
 
