@@ -11,7 +11,9 @@ from typing import Any, Protocol
 
 import filelock
 
+import evolution as ev
 from evolution._src.errors import RunError
+from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.typed_json import JsonError, read_json
@@ -83,3 +85,14 @@ def write_json(path: Path, content: Any) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with write_atomically(path) as beside:
         beside.write_text(json.dumps(content, indent=2) + "\n")
+
+
+def evolve_or_resume(config: ev.EvolutionConfig, progress: Progress) -> ev.Run:
+    """Evolve, or go on where an evolution was interrupted."""
+    folder = RunFolder(Path(config.folder or ""))
+    if not folder.has_run():
+        return ev.evolve(config, progress=progress)
+    differences = folder.read_config().differences(config)
+    if differences:
+        raise RunError(f"{folder.path} is another run ({'; '.join(differences)}); name another folder")
+    return ev.resume(folder.path, workers=config.workers, progress=progress)

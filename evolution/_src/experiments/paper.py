@@ -28,10 +28,9 @@ import symbrion_gym as sg
 from evolution._src.champions.playback import ChampionPolicy
 from evolution._src.controllers.controller import make_controller
 from evolution._src.errors import RunError
-from evolution._src.experiments.folders import Track, write_json
+from evolution._src.experiments.folders import Track, evolve_or_resume, write_json
 from evolution._src.report.body_page import describe_machine
 from evolution._src.report.video import encode_video
-from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
 from reconstruction._src.surfaces.quality import compute_distances
@@ -297,18 +296,15 @@ def evolve_champion(
     folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent, workers: int = 1
 ) -> Result:
     """Evolve in the GSRM arena, or resume that run, and judge the champion there and in the true arena."""
-    if RunFolder(folder / RUN).has_run():
-        run = ev.resume(folder / RUN, workers=workers, progress=progress)
-    else:
-        wanted = ev.EvolutionConfig(
-            arena=str((folder / "arenas" / "gsrm").resolve()),
-            modules=MODULES,
-            seed=seed,
-            generations=sizes.generations,
-            workers=workers,
-            folder=str(folder / RUN),
-        )
-        run = ev.evolve(wanted, progress=progress)
+    wanted = ev.EvolutionConfig(
+        arena=str((folder / "arenas" / "gsrm").resolve()),
+        modules=MODULES,
+        seed=seed,
+        generations=sizes.generations,
+        workers=workers,
+        folder=str(folder / RUN),
+    )
+    run = evolve_or_resume(wanted, progress)
     champion, history = run.champion, run.history
     assert champion is not None
     judged = {}

@@ -20,8 +20,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.backends.settings import read_organism
 from evolution._src.errors import RunError
-from evolution._src.experiments.folders import claim_folder
-from evolution._src.search.run import RunFolder
+from evolution._src.experiments.folders import claim_folder, evolve_or_resume, lock_folder
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.surfaces.far_faces import select_faces
@@ -108,6 +107,8 @@ def read_site(path: str | Path, viewpoints: ArrayLike | None = None, **frame: An
     if path.is_dir():
         return sg.load_arena(path)
     if rc.is_scan_log(path):
+        if given or viewpoints is not None:
+            raise rc.ScanError(f"{path} is a scan log, which says all about its frame; leave out the others")
         return rc.load_scan_log(path)
     if rc.is_mesh(path):
         return sg.make_arena(path, viewpoints=viewpoints, **given)
@@ -154,23 +155,24 @@ def train(
     site = read_site(scan) if isinstance(scan, str | Path) else scan
     options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
     claim_folder(folder, MARKER, {"scan": _digest(site), "seed": seed, **options}, OUTPUTS)
-    arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6))
-    verdict = arenas[0].verdict
-    if verdict.answer == "no":
-        raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
-    body = None if organism is None else read_organism(organism)
-    config = choose_task(arenas, folder, body, start, goal, seed, workers)
-    run = _evolve(config, _part(progress, 0.6, 0.85))
-    progress("judging the champion", 0.85)
-    other = arenas[1] if len(arenas) > 1 else None
-    places = {"training": arenas[0], "other half": other, "truth": truth}
-    known = {name: arena for name, arena in places.items() if arena is not None}
-    held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
-    result = Training(folder, arenas[0], other, verdict, run, held, folder / PAGE)
-    progress("writing the page", 0.9)
-    write_train_page(result, list(known.values())[-1], seed)
-    progress("done", 1.0)
-    return result
+    with lock_folder(folder):
+        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6))
+        verdict = arenas[0].verdict
+        if verdict.answer == "no":
+            raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
+        body = None if organism is None else read_organism(organism)
+        config = choose_task(arenas, folder, body, start, goal, seed, workers)
+        run = evolve_or_resume(config, _part(progress, 0.6, 0.85))
+        progress("judging the champion", 0.85)
+        other = arenas[1] if len(arenas) > 1 else None
+        places = {"training": arenas[0], "other half": other, "truth": truth}
+        known = {name: arena for name, arena in places.items() if arena is not None}
+        held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
+        result = Training(folder, arenas[0], other, verdict, run, held, folder / PAGE)
+        progress("writing the page", 0.9)
+        write_train_page(result, list(known.values())[-1], seed)
+        progress("done", 1.0)
+        return result
 
 
 def _part(progress: Progress, low: float, high: float) -> Progress:
@@ -280,7 +282,7 @@ def choose_task(
     workers: int,
 ) -> ev.EvolutionConfig:
     """Return the run that learns the site: to follow a way on ground that all models confirm, or to cross a gap."""
-    common: dict[str, Any] = {"arena": str(folder / HALVES[0]), "seed": seed, "workers": workers}
+    common: dict[str, Any] = {"arena": str((folder / HALVES[0]).resolve()), "seed": seed, "workers": workers}
     common |= {"folder": str(folder / RUN), "generations": GENERATIONS}
     crossing = _find_crossing(arenas, body, start, goal)
     if crossing is not None:
@@ -311,12 +313,15 @@ def _find_crossing(
     It does where no ground leads a Scout from the start to the goal, or where a row is given and no place.
     """
     if body is None and start is not None and goal is not None:
-        with suppress(sg.ArenaError):
+        row, ahead = sg.snake(_MODULES[1]), np.subtract(goal, start)
+        try:
             arenas[0].find_route(start=start, goal=goal)
             return None
-        row = sg.snake(_MODULES[1])
-        ahead = np.subtract(goal, start)
-        gap = find_gap(arenas[0], row, ahead / np.linalg.norm(ahead), np.array(start, float))
+        except sg.ArenaError as no_way:
+            try:
+                gap = find_gap(arenas[0], row, ahead / np.linalg.norm(ahead), np.array(start, float))
+            except (sg.TaskError, sg.ArenaError) as no_gap:
+                raise RunError(f"{no_way}; nor is there a gap to be crossed: {no_gap}") from no_way
         modules = np.ceil(_REACH * (gap.far - gap.near) / row.scout.pitch) + 1
         return sg.snake(int(np.clip(modules, *_MODULES)))
     if body is None or body.num_modules == 1 or start is not None or goal is not None:
@@ -376,17 +381,6 @@ def _find_confirmed(arenas: list[sg.Arena], body: Organism, near: Place | None) 
         is_there = (found >= 0) & (np.abs(ground.height[found] - places[:, 2]) <= 2 * _AGREE)
         chosen = chosen[is_there & (ground.wall_distance[found] >= room) & ground.is_drivable[found]]
     return first.positions[chosen, :2]
-
-
-def _evolve(config: ev.EvolutionConfig, progress: Progress) -> ev.Run:
-    """Evolve, or go on where an evolution was interrupted."""
-    folder = RunFolder(Path(config.folder or ""))
-    if not folder.has_run():
-        return ev.evolve(config, progress=progress)
-    differences = folder.read_config().differences(config)
-    if differences:
-        raise RunError(f"{folder.path} is another run ({'; '.join(differences)}); name another folder")
-    return ev.resume(folder.path, workers=config.workers, progress=progress)
 
 
 def judge_in(arena: sg.Arena, run: ev.Run, seed: int, workers: int) -> dict[str, int]:

@@ -54,7 +54,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     page.add_section("The way", _describe_way(config))
     page.add_figure(
         to_png(
-            draw_arena(arena, ("surface", "drivable", "route"), ground, route, has_plan=True),
+            draw_arena(arena, ("surface", "drivable", "route"), ground, route, organism, has_plan=True),
             is_reduced=False,
         ),
         "The site from two sides and from above: ground that the body can drive on, and the way that it drove.",

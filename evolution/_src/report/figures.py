@@ -88,20 +88,16 @@ def draw_cloud(
     limit: int = 25_000,
     marked: Float[np.ndarray, "M 3"] | None = None,
     bounds: Float[np.ndarray, "2 3"] | None = None,
-    colors: UInt8[np.ndarray, "N 3"] | None = None,
 ) -> Figure:
-    """Draw a point cloud, colored by height, or in its own colors."""
+    """Draw a point cloud, colored by height."""
     if bounds is not None:
-        inside = _find_inside(points, bounds)
-        points, colors = points[inside], None if colors is None else colors[inside]
+        points = points[_find_inside(points, bounds)]
     step = max(1, len(points) // limit)
     shown = points[::step]
     figure = Figure(figsize=(12, 8), dpi=DPI)
     axes = _make_3d_axes(figure, points if bounds is None else bounds)
     low, high = np.percentile(shown[:, 2], (1, 99))
     look = {"c": shown[:, 2], "cmap": "viridis", "vmin": low, "vmax": high}
-    if colors is not None:
-        look = {"c": colors[::step] / WHITE}
     axes.scatter(*shown.T, **look, s=0.9, depthshade=False, linewidths=0, rasterized=True)
     if marked is not None:
         seen = marked if bounds is None else marked[_find_inside(marked, bounds)]

@@ -125,7 +125,7 @@ def _judge_ground(
     yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, "symbrion view shows it; scan more ground")
     if ground is not None and ground.grid.cell > ROBOT:
         meaning = f"its map has cells of {format_distance(ground.grid.cell)}, wider than the robot"
-        yield Reason("cell", ground.grid.cell, "no", meaning, "--crop a part, or reconstruct with --tile")
+        yield Reason("cell", ground.grid.cell, "no", meaning, "symbrion reconstruct --crop a part, or --tile")
     level = _select_level(seen)
     if not len(level.faces):
         return
@@ -141,11 +141,15 @@ def _judge_contact(quality: ArenaQuality, accuracy: float) -> Iterator[Reason]:
     """Yield what is wrong with the contact everywhere: too coarse, not there, or in the way of the scanner's beams."""
     meaning = f"the readings allow contact {format_distance(accuracy)} off"
     yield from _weigh(
-        "accuracy", accuracy, _ACCURACY, meaning, "scan from nearer, or --crop to dense readings"
+        "accuracy", accuracy, _ACCURACY, meaning, "scan from nearer, or symbrion reconstruct --crop"
     )
     meaning = f"{format_share(quality.uncovered)} of the surface has no contact within 5 cm"
     yield from _weigh(
-        "uncovered", quality.uncovered, _UNCOVERED, meaning, "more --max-pieces, or --crop a part"
+        "uncovered",
+        quality.uncovered,
+        _UNCOVERED,
+        meaning,
+        "more --max-pieces, or symbrion reconstruct --crop",
     )
     if quality.beams_contact is not None and quality.beams_surface:
         lost = max(1.0 - quality.beams_contact / quality.beams_surface, 0.0)
@@ -158,7 +162,9 @@ def _judge_unseen(surface: trimesh.Trimesh, seen: trimesh.Trimesh) -> Iterator[R
     whole = float(_select_level(surface).area)
     unseen = 1.0 - float(_select_level(seen).area) / whole if whole else 0.0
     meaning = f"{format_share(unseen)} of the level ground was not seen"
-    yield from _weigh("unseen_ground", unseen, _UNSEEN, meaning, "scan from more places, or --crop it off")
+    yield from _weigh(
+        "unseen_ground", unseen, _UNSEEN, meaning, "scan from more places, or symbrion reconstruct --crop"
+    )
 
 
 def _find_area(ground: TraversabilityMap | None) -> float:

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import Organism
-from symbrion_gym._src.tasks.goals import FarEnd
 from symbrion_gym._src.tasks.route import (
     Point,
     Route,
     Start,
-    StartName,
     choose_straight_way,
     find_ground_map,
     find_lowest,
     find_tail,
 )
-from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import Footprint
 from symbrion_gym._src.traversability.routes import DrivingRoute, Place, find_driving_route, find_straight_way
 
@@ -100,53 +96,11 @@ def _simplify(line: Float[np.ndarray, "W 2"]) -> Float[np.ndarray, "C 2"]:
     return np.concatenate([_simplify(line[: worst + 1])[:-1], _simplify(line[worst:])])
 
 
-_NEAR = 0.3
-"""Drivable ground up to this far from the start, or beyond the finish, counts as reached [m]: about three modules."""
 _END_ROOM = 0.1  # Room for nose and tail at the ends of a way that is proposed [m]
 _LEAST_WAY, _MOST_WAY = 0.3, 4.0
 """Smallest and largest length of a way that is proposed [m]; robots drive at 0.1 m/s, so that trials take 40 s."""
 
 Pair = tuple[tuple[float, float], tuple[float, float]]  # (x, y) of a start and of a goal [m]
-
-
-class BrokenWay(NamedTuple):
-    """A way whose start and finish no drivable ground connects."""
-
-    start: tuple[float, float]  # (x, y) of the head [m]
-    finish: tuple[float, float]  # (x, y) that every module has to pass [m]
-    # start and goal of a straight way that can be driven, inside the largest region; None without one
-    other: Pair | None
-
-
-def find_broken_traverse(
-    arena: Arena,
-    smallest: Organism,
-    largest: Organism,
-    start: StartName | Point = "floor",
-    goal: Point | None = None,
-) -> BrokenWay | None:
-    """Return the way of the task "traverse" if it leaves drivable ground for good; None where it does not.
-
-    Ground counts as drivable as in `Arena.traversability`, for a body that need not turn on the spot. Its limits are
-    those that bodies are known to climb wherever they meet them: learned ones may climb more, straight on.
-    """
-    route = FarEnd(goal).find(arena, smallest, Start(start))
-    ground = find_ground_map(arena, largest)
-    begin, finish = (_find_regions(ground, route, s) for s in (route.start, route.finish))
-    if np.intersect1d(begin, finish).size:
-        return None
-    first, last = (_round(route.place(s)) for s in (route.start, route.finish))
-    return BrokenWay(first, last, propose_way(arena, largest))
-
-
-def _find_regions(ground: TraversabilityMap, route: Route, s: float) -> Int[np.ndarray, " N"]:
-    """Return the drivable regions on the way near a position along it [m]."""
-    drivable = np.flatnonzero(ground.is_drivable)
-    c, n = route.direction
-    x, y = ground.positions[drivable, :2].T
-    along, left = c * x + n * y, c * y - n * x - route.lateral
-    is_near = (np.abs(along - s) <= _NEAR) & (np.abs(left) <= max(route.half_width, _NEAR))
-    return np.unique(ground.region[drivable[is_near]])
 
 
 def propose_way(arena: Arena, body: Organism) -> Pair | None:

@@ -27,17 +27,11 @@ from evolution._src.search.bodies.run import BodyRun, describe_success, format_f
 from evolution._src.search.run import RunFolder
 from reconstruction._src.base.extras import find_missing
 from reconstruction._src.base.range_checks import format_count
-from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import STARTS
-from symbrion_gym._src.errors import ArenaError
-from symbrion_gym._src.robot.organism import snake
 
 Place = tuple[float, float]  # x and y [m]
 PICTURE = "bodies.png"  # Of the fittest bodies, in the run folder
 MAX_DRAWN = 24
-WARNED_TASK = "traverse"
-"""The task whose way is to be drivable: of others, such as climb and cross_gap, crossing is the point."""
-
 logger = logging.getLogger(__name__)
 
 
@@ -135,7 +129,6 @@ class Evolve(SeededCommand):
 
     def run(self, console: Console) -> dict[str, Any]:
         config = self.make_config()
-        warn_of_way(config)
         with console.track(f"Evolution in {self.arena}") as step:
             run = ev.evolve(config, progress=step.progress)
         return report_run(run, console)
@@ -198,39 +191,6 @@ def propose_resume(folder: Path) -> str:
     if not (folder / "config.json").is_file():
         return ""
     return f"all but what was unfinished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
-
-
-def warn_of_way(config: "ev.EvolutionConfig | ev.BodyEvolutionConfig") -> None:
-    """Log one line if the way of a search over a scan leaves drivable ground; a task that fails says so itself."""
-    is_known = config.arena in NAMED_ARENAS or isinstance(
-        config.goal, str
-    )  # a named course, or a known object
-    if config.task != WARNED_TASK or is_known:
-        return
-    from evolution._src.backends.trials import prepare_arena
-    from symbrion_gym._src.tasks.paths import find_broken_traverse
-
-    is_bodies = isinstance(config, ev.BodyEvolutionConfig)
-    smallest, largest = map(snake, config.bodies.limits) if is_bodies else [config.find_organism()] * 2
-    arena: Any = prepare_arena(config.arena)
-    try:
-        way = find_broken_traverse(arena, smallest, largest, config.start or "floor", config.goal)  # pyright: ignore[reportArgumentType]
-    except ArenaError:
-        return
-    if way is None:
-        return
-    bodies = format_count(largest.num_modules, "module")
-    if smallest.num_modules < largest.num_modules:
-        bodies = f"bodies of {smallest.num_modules} to {bodies}"
-    remedy = f"`symbrion view {config.arena}` shows where to drive"
-    if way.other is not None:
-        start, goal = (" ".join(f"{value:g}" for value in place) for place in way.other)
-        remedy = f"a straight way that can be driven, in place of --task {config.task}: --start {start} --goal {goal}"
-    logger.warning(
-        "the way of --task %s, from %s to %s, leaves the ground on which %s are known to drive (steps, slopes, "
-        "gaps): many fail there, perhaps all; %s",
-        *(config.task, way.start, way.finish, bodies, remedy),
-    )
 
 
 def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:

@@ -11,9 +11,9 @@ import numpy as np
 import evolution as ev
 import symbrion_gym as sg
 from evolution._src.experiments.folders import Track as Steps
-from evolution._src.experiments.folders import claim_folder, write_json
+from evolution._src.experiments.folders import claim_folder, evolve_or_resume, write_json
 from evolution._src.experiments.swarm.story import StoryConfig, tell_story
-from evolution._src.search.run import RunFolder, load_champion
+from evolution._src.search.run import load_champion
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.progress import Progress
@@ -78,18 +78,15 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
                 "has, or another champion"
             )
         return champion
-    if RunFolder(folder).has_run():
-        run = ev.resume(str(folder), progress=progress, workers=config.workers)
-    else:
-        search = ev.EvolutionConfig(
-            arena=story.arena,
-            modules=story.num_robots,
-            seed=story.seed,
-            generations=GENERATIONS,
-            workers=config.workers,
-            folder=str(folder),
-        )
-        run = ev.evolve(search, progress=progress)
+    search = ev.EvolutionConfig(
+        arena=story.arena,
+        modules=story.num_robots,
+        seed=story.seed,
+        generations=GENERATIONS,
+        workers=config.workers,
+        folder=str(folder),
+    )
+    run = evolve_or_resume(search, progress)
     if run.champion is None:
         raise ev.RunError(f"no champion after {GENERATIONS} generations; give one with --champion")
     return run.champion
