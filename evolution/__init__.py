@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from evolution._src.controllers.finding import find_controller
     from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
     from evolution._src.errors import EvolutionError, RunError
-    from evolution._src.experiments.train import Training, train
+    from evolution._src.experiments.train import train
+    from evolution._src.experiments.training import Training
     from evolution._src.search.bodies.config import BodiesConfig, BodyEvolutionConfig, LearningConfig
     from evolution._src.search.bodies.genome import BodyGenome
     from evolution._src.search.cmaes import Run

@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -21,6 +21,7 @@ import symbrion_gym as sg
 from evolution._src.backends.settings import read_organism
 from evolution._src.errors import RunError
 from evolution._src.experiments.folders import claim_folder, evolve_or_resume, lock_folder
+from evolution._src.experiments.training import TRIALS, Training
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.surfaces.far_faces import select_faces
@@ -29,7 +30,6 @@ from symbrion_gym._src.sensing.survey import SPACING
 from symbrion_gym._src.tasks.features.gap import find_gap
 
 if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.verdict import Verdict
     from symbrion_gym._src.robot.organism import Organism
 
 Site = rc.ScanLog | rc.Cloud | sg.Arena  # What a robot is to drive in, as it was read
@@ -39,7 +39,6 @@ MARKER, PAGE = "train.json", "report.html"
 HALVES = ("arena", "other")  # Folders of both models: that of training, and that which checks it
 RUN = "run"  # Folder of the evolution
 OUTPUTS = (*HALVES, RUN, PAGE)
-TRIALS = 20  # Trials in each half of the champion, and of what it is compared with
 GENERATIONS = 30
 _SITE = 20.0  # Edge of the square of a larger scan that is used, about its middle [m]: a Scout drives 10 m in 100 s
 _SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
@@ -59,40 +58,6 @@ _SNAP = 0.05  # Corners lie at most so far from a place of the map [m]
 _NUM_WAYS, _NUM_TRIED = 5_000, 20  # Ways that are drawn, and of which so many are tried in the environment
 _MODULES = (2, 12)  # Least and most modules of a row that crosses a gap
 _REACH = 1.75  # Length of such a row over the width of the gap: eight Scouts cross 0.45 m
-
-
-@dataclass(frozen=True, eq=False)
-class Training:
-    """What a robot has learned on a site.
-
-    Attributes:
-        folder: where all of it is kept.
-        arena: model of the first half of the readings, in which the controller evolved.
-        other: model of the other half; None for a mesh or a folder, which have no readings to be halved.
-        verdict: whether the first model is good for a robot, with what the other half does not confirm.
-        run: the evolution; `run.champion` drives.
-        held: where ("training", "other half", "truth", as far as there are) -> who drives ("champion", "doing nothing",
-            "tracks forward") -> successes in `TRIALS` trials with fresh conditions.
-        page: the report.
-    """
-
-    folder: Path
-    arena: sg.Arena
-    other: sg.Arena | None
-    verdict: Verdict
-    run: ev.Run
-    held: dict[str, dict[str, int]]
-    page: Path
-
-    @property
-    def held_in_training(self) -> int:
-        """Successes of the champion in the model in which it evolved."""
-        return self.held["training"]["champion"]
-
-    @property
-    def held_in_other_half(self) -> int | None:
-        """Successes of the champion in the model of the readings that evolution has not seen."""
-        return self.held.get("other half", {}).get("champion")
 
 
 def read_site(path: str | Path, viewpoints: ArrayLike | None = None, **frame: Any) -> Site:

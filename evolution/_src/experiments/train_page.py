@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shlex
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import trimesh
 
 import evolution as ev
 import symbrion_gym as sg
+from evolution._src.experiments.training import TRIALS, Training
 from evolution._src.report.arena_view import draw_arena
 from evolution._src.report.body_page import describe_machine
 from evolution._src.report.figures import draw_learning_curve, draw_tracks, to_png
@@ -18,9 +19,6 @@ from evolution._src.report.scene import Scene
 from evolution._src.report.video import encode_video
 from reconstruction._src.base.range_checks import format_count, format_distance
 from symbrion_gym._src.traversability.routes import DrivingRoute
-
-if TYPE_CHECKING:
-    from evolution._src.experiments.train import Training
 
 _GROUND, _UNSEEN = (
     "#cfd3da",
@@ -31,8 +29,6 @@ _THRESHOLD = 0.9  # Share of the trials that a good champion holds
 
 def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     """Write the page of a training as one self-contained HTML file, with a film in the last arena that judges."""
-    from evolution._src.experiments.train import TRIALS
-
     run, arena, config = result.run, result.arena, result.run.config
     champion = run.champion
     assert champion is not None

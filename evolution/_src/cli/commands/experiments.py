@@ -135,7 +135,7 @@ class Train(FrameCommand):
 
 def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
     """Print what a robot has learned, and return it as a summary."""
-    from evolution._src.experiments.train import TRIALS
+    from evolution._src.experiments.training import TRIALS
 
     console.print_line(str(result.verdict))
     for where, drivers in result.held.items():

@@ -1,0 +1,48 @@
+"""What a robot has learned on a site, and how it is judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import symbrion_gym as sg
+    from evolution._src.search.cmaes import Run
+    from symbrion_gym._src.arenas.verdict import Verdict
+
+TRIALS = 20  # Trials in each arena of the champion, and of what it is compared with
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """What a robot has learned on a site.
+
+    Attributes:
+        folder: where all of it is kept.
+        arena: model of the first half of the readings, in which the controller evolved.
+        other: model of the other half; None for a mesh or a folder, which have no readings to be halved.
+        verdict: whether the first model is good for a robot, with what the other half does not confirm.
+        run: the evolution; `run.champion` drives.
+        held: where ("training", "other half", "truth", as far as there are) -> who drives ("champion", "doing nothing",
+            "tracks forward") -> successes in `TRIALS` trials with fresh conditions.
+        page: the report.
+    """
+
+    folder: Path
+    arena: sg.Arena
+    other: sg.Arena | None
+    verdict: Verdict
+    run: Run
+    held: dict[str, dict[str, int]]
+    page: Path
+
+    @property
+    def held_in_training(self) -> int:
+        """Successes of the champion in the model in which it evolved."""
+        return self.held["training"]["champion"]
+
+    @property
+    def held_in_other_half(self) -> int | None:
+        """Successes of the champion in the model of the readings that evolution has not seen."""
+        return self.held.get("other half", {}).get("champion")
