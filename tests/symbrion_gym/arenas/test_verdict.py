@@ -12,6 +12,7 @@ import symbrion_gym as sg
 from evolution._src.cli.main import run
 from symbrion_gym._src.arenas.scanned import find_unseen
 from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.tasks.paths import propose_way
 
 FLOOR = trimesh.creation.box((3.0, 2.0, 0.1)).apply_translation([0.0, 0.0, -0.05])
 
@@ -85,3 +86,9 @@ def test_beams_without_return_are_dropped_and_counted(
         cloud = rc.load_cloud(tmp_path / "scan.npz")
     assert "dropped 7 beams without return" in caplog.text
     assert cloud.points == pytest.approx(points)
+
+
+def test_a_way_keeps_off_rims() -> None:
+    way = propose_way(make_floor(), sg.snake(1))
+    assert way is not None
+    assert np.abs(np.array(way)[:, 1]).max() < 1.0 - 0.14
