@@ -20,10 +20,7 @@ from evolution._src.report.video import encode_video
 from reconstruction._src.base.range_checks import format_count, format_distance
 from symbrion_gym._src.traversability.routes import DrivingRoute
 
-_GROUND, _UNSEEN = (
-    "#cfd3da",
-    "#e7a08f",
-)  # Colors of the surface, and of what no reading of both halves confirms
+_GROUND, _UNSEEN = "#cfd3da", "#e7a08f"  # Colors of the surface, and of what both halves do not confirm
 _THRESHOLD = 0.9  # Share of the trials that a good champion holds
 
 

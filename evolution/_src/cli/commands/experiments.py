@@ -69,15 +69,8 @@ class Demo(Experiment):
             with console.track("Survey of the course") as step:
                 sg.survey(truth, seed=self.seed, progress=step.progress, camera=True).save(survey)
         with console.track("Training") as step:
-            result = ev.train(
-                survey,
-                self.out,
-                organism=8,
-                truth=truth,
-                seed=self.seed,
-                workers=self.workers,
-                progress=step.progress,
-            )
+            options = {"organism": 8, "truth": truth, "seed": self.seed, "workers": self.workers}
+            result = ev.train(survey, self.out, progress=step.progress, **options)
         return _report(result, step.seconds, console)
 
 
@@ -119,17 +112,10 @@ class Train(FrameCommand):
         from evolution._src.experiments.train import read_site
 
         with console.track(f"Training in {self.scan.name}") as step:
-            frame = {"unit": self.unit, "up": self.up, "scale": self.scale}
-            result = ev.train(
-                read_site(self.scan, self.viewpoint or None, **frame),
-                self.out,
-                start=self.start,
-                goal=self.goal,
-                organism=self.organism,
-                seed=self.seed,
-                workers=self.workers,
-                progress=step.progress,
-            )
+            site = read_site(self.scan, self.viewpoint or None, unit=self.unit, up=self.up, scale=self.scale)
+            names = ("start", "goal", "organism", "seed", "workers")
+            options: dict[str, Any] = {name: getattr(self, name) for name in names}
+            result = ev.train(site, self.out, progress=step.progress, **options)
         return _report(result, step.seconds, console)
 
 
