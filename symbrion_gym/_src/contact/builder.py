@@ -231,18 +231,13 @@ def fit_patches(problem: ContactProblem, best: Contact | None) -> Contact | None
         # As many steps of `list_counts` as divide the number of triangles by what is too much.
         fewer = 0 if is_few else max(math.ceil(math.log(len(pieces) / most) / math.log(GROWTH)), 1)
         index = index + 1 if is_few else max(index - fewer, 0)
-    return made if made is None or far is None else _add_beyond(problem, made, far)
+    return _add_beyond(problem, made, far) if made and far and len(far.faces) else made
 
 
 def _add_beyond(problem: ContactProblem, contact: Contact, far: trimesh.Trimesh) -> Contact:
     """Return patches within reach together with coarse ones of what is beyond."""
-    if not len(far.faces):
-        return contact
-    aim, distance, counts = (
-        _AIM * max(_BEYOND, problem.accuracy),
-        SurfaceDistance(far),
-        list_counts(len(far.faces)),
-    )
+    aim, counts = _AIM * max(_BEYOND, problem.accuracy), list_counts(len(far.faces))
+    distance = SurfaceDistance(far)
     enough = bisect_left(
         counts[:-1], -aim, key=lambda count: -distance.measure_mesh(simplify_surface(far, count)).mean()
     )

@@ -9,13 +9,9 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.sampling import sample_area
 
-_GROUND_RISE = float(
-    np.cos(np.deg2rad(45.0))
-)  # Normals of ground rise by more: no track climbs steeper slopes
+_GROUND_RISE = 0.7  # Normals of ground rise by more: no track climbs slopes above 45 degrees
 _GROUND_EDGE = 5.0  # Ground is as large as a square of so many robots along its edge: a table, but no chair
-_CELL = (
-    0.3  # Ground in the same cell of a plan and those around it counts [m]: next to a wall it is often hidden
-)
+_CELL = 0.3  # Ground in a cell of the plan and those around it counts [m]: next to a wall it is often hidden
 _SPACING = 0.1  # Of the places on the ground that are looked at [m]
 _MOST_PLACES = 500_000  # They are farther apart where there would be more
 _ON_GROUND = 0.05  # What is no farther below ground is at its height [m]: noise
