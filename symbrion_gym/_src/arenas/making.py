@@ -36,6 +36,7 @@ from symbrion_gym._src.assets import NAMED_ARENAS, SCANNED, find_assets
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.distances import find_accuracy
 from symbrion_gym._src.contact.kinds import Contact, ContactOptions
+from symbrion_gym._src.contact.reach import Reach
 from symbrion_gym._src.errors import ArenaError
 
 if TYPE_CHECKING:
@@ -97,6 +98,8 @@ def make_arena(
     surface: Reconstruction | trimesh.Trimesh | str | Path,
     *,
     accuracy: float | None = None,
+    reach: float | None = 1.2,
+    for_size: float = 0.105,
     max_pieces: int = 2200,
     kind: str = "auto",
     viewpoints: ArrayLike | None = None,
@@ -125,7 +128,10 @@ def make_arena(
             z up. Open terrain may be wound either way, closed meshes too; other open meshes must be wound so that
             their faces look at free space, unless viewpoints are given.
         accuracy: mean distance between contact and surface that is good enough [m]; None: about the noise and
-            spacing of the scan, 3 mm or more.
+            spacing of the scan, but from 1/35 to a tenth of `for_size`, 3 to 10.5 mm.
+        reach: height above ground up to which contact has that accuracy [m]; higher up, pieces are accurate to
+            5 cm. Distances, beams and free space in `quality` are those within reach. None: everywhere.
+        for_size: size of the smallest wheel or body that will drive there [m].
         max_pieces: no more convex pieces than these.
         kind: contact geometry, one of "auto", "convex" (pieces, never a height field), "hfield", "prisms",
             "mixed" (boxes, spheres, cylinders and rectangles in place of triangles, for rays too).
@@ -158,12 +164,13 @@ def make_arena(
     ground = choose_friction(friction, friction_map, course, scanned.friction)
     if kind == "auto" and ground.friction_map is not None and ground.friction_map.patches:
         kind = "convex"  # a height field has one friction
-    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit)
+    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, reach, for_size)
     if name is None and isinstance(surface, str | Path):
         name = make_printable(Path(surface).stem)
     progress("repairing the mesh", 0.0)
     mesh = repair_surface(scanned, RepairConfig(drops_slivers=True))
-    wanted = accuracy or find_accuracy(mesh, scanned.points)
+    wanted = accuracy or find_accuracy(mesh, for_size, scanned.points)
+    zone = None if reach is None else Reach(mesh, reach, for_size)
     touched, sides, has_rest = mesh, find_two_sided(scanned, mesh), True
     primitives = find_arena_primitives(mesh, seed) if kind == "mixed" else None
     if primitives is not None:
@@ -175,7 +182,7 @@ def make_arena(
             sides = None if sides is None else sides[is_rest]
 
     def make() -> Contact:
-        return make_contact(touched, options, wanted, progress, sides)
+        return make_contact(touched, options, wanted, progress, sides, zone)
 
     folder = Path(cache) if isinstance(cache, str | Path) else None
     key = replace(options, accuracy=wanted)
@@ -183,7 +190,7 @@ def make_arena(
     if primitives is not None:
         contact = add_solids_to_contact(contact, mesh, primitives, has_rest)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
-    quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
+    quality = add_scan_quality(contact.quality, scanned, shapes, mesh, zone)
     warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
     if primitives is not None and scanned.colored is not None:
         warnings.append(_NO_COLORS)

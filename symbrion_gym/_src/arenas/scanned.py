@@ -32,6 +32,7 @@ from reconstruction._src.surfaces.far_faces import select_faces
 from symbrion_gym._src.arenas.surface_file import check_has_surface
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
+from symbrion_gym._src.contact.reach import Reach
 from symbrion_gym._src.contact.visibility import add_visibility, measure_visibility
 from symbrion_gym._src.errors import ArenaError
 
@@ -302,8 +303,9 @@ def add_scan_quality(
     scanned: ScannedSurface,
     contact: Sequence[trimesh.Trimesh] | HeightField,
     surface: trimesh.Trimesh,
+    zone: Reach | None = None,
 ) -> ArenaQuality:
-    """Return the quality of an arena with the shares of beams, of free space and of dropped readings.
+    """Return the quality of an arena with the shares of beams, of free space and of dropped readings, within reach.
 
     What the scan does not tell stays None: beams and free space without viewpoints. With viewpoints and without
     readings, exact readings of the surface take their place.
@@ -314,6 +316,9 @@ def add_scan_quality(
         return quality
     if points is None:
         points, seen_from = simulate_readings(surface, scanned.viewpoints)
+    if zone is not None:
+        is_near = zone.measure_excess(points) <= 0
+        points, seen_from = points[is_near], None if seen_from is None else seen_from[is_near]
     visibility = measure_visibility(points, scanned.viewpoints, seen_from, contact, surface)
     return add_visibility(quality, visibility)
 

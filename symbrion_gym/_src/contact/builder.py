@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
@@ -31,6 +32,7 @@ from symbrion_gym._src.contact.kinds import (
 )
 from symbrion_gym._src.contact.patches import thicken_patches
 from symbrion_gym._src.contact.planes import find_planes, share_planes
+from symbrion_gym._src.contact.reach import Reach
 from symbrion_gym._src.contact.seams import clear_hidden_edges, close_seams
 from symbrion_gym._src.contact.shape import Shape, close_holes, find_shape, take_top
 from symbrion_gym._src.contact.simplification import (
@@ -76,6 +78,8 @@ _MORE_PIECES = 1.5  # A candidate as good as the best has no more than this many
 _MORE_FEW = 3  # ... or this many more.
 _MANY_PIECES = 64  # A candidate that is good enough replaces a better one of more pieces than these
 _FEWER = 0.5  # ... if it has no more than this share of them: fewer pieces make faster contacts.
+_BEYOND = 0.05  # Accuracy beyond reach [m]: what nothing touches stops beams about where it is
+_BEYOND_SHARE = 0.25  # Of the pieces, so many are kept for what is beyond reach
 _TOO_MANY = 1e9  # Too many pieces are worse than any distance: their number is a limit, the accuracy a wish
 
 
@@ -88,10 +92,13 @@ class ContactProblem:
         options: ContactOptions,
         accuracy: float,
         is_two_sided: Bool[np.ndarray, " F"] | None,
+        zone: Reach | None = None,
     ) -> None:
         self.surface, self.options, self.accuracy = surface, options, accuracy
         self.aim = _AIM * accuracy  # distance that patches aim at [m]
-        self.distance, self.ground = SurfaceDistance(surface), Elevation(surface)
+        is_mixed = zone is not None and bool((zone.measure_excess(np.asarray(surface.vertices)) > 0).any())
+        self.zone = zone if is_mixed else None  # what is within reach; None for all
+        self.distance, self.ground = SurfaceDistance(surface, self.zone), Elevation(surface)
         self.shape: Shape = find_shape(surface, self.ground)
         self._is_two_sided = is_two_sided
         self.start = time.perf_counter()
@@ -136,9 +143,10 @@ def make_contact(
     accuracy: float,
     progress: Progress = silent,
     is_two_sided: Bool[np.ndarray, " F"] | None = None,
+    zone: Reach | None = None,
 ) -> Contact:
-    """Make contact geometry of a repaired surface."""
-    problem = ContactProblem(surface, options, accuracy, is_two_sided)
+    """Make contact geometry of a repaired surface; its quality is that within a zone, if there is one."""
+    problem = ContactProblem(surface, options, accuracy, is_two_sided, zone)
     special: dict[str, tuple[Pass, ...]] = {"hfield": (make_field,), "prisms": (make_prisms,)}
     field = (fit_height_field,) if options.kind == "auto" else ()
     passes = special.get(
@@ -191,17 +199,21 @@ def fit_patches(problem: ContactProblem, best: Contact | None) -> Contact | None
     """Return patches of the coarsest triangles that reach what is wanted with no more pieces than allowed.
 
     Flat parts of the surface are moved onto planes first. Coarser triangles are taken while there are too many pieces,
-    finer ones while the distance is too large. None where what is wanted is reached already.
+    finer ones while the distance is too large. What is beyond reach becomes few coarse ones. None where what is wanted
+    is reached already.
     """
     if best is not None and problem.compute_miss(best) <= 1.0:
         return None
     planes = find_planes(problem.surface, problem.aim)
     flat, most = snap_to_planes(problem.surface, planes, problem.aim), problem.options.max_pieces
+    zone, far = problem.zone, None
+    most -= 0 if zone is None else int(_BEYOND_SHARE * most)
     counts = list_counts(len(flat.faces))
     index, step, made = select_simple(flat, problem.distance, problem.aim, is_drawn(problem.surface)), 0, None
     while index < len(counts):
         simple = simplify_surface(flat, counts[index])
-        pieces = _thicken(problem, simple, _JOINING * problem.aim)
+        near = simple if zone is None else zone.take_near(simple)
+        pieces = _thicken(problem, near, _JOINING * problem.aim)
         is_few = len(pieces) <= most
         if not is_few and index == 0:  # many parts: the largest are kept
             pieces = sorted(pieces, key=lambda piece: -piece.area)[:most]
@@ -209,7 +221,7 @@ def fit_patches(problem: ContactProblem, best: Contact | None) -> Contact | None
             notes = {"planes": len(planes.normals), "triangles": len(simple.faces)}
             found = problem.measure(pieces, "patches of planes and triangles", **notes)
             if made is None or problem.compute_miss(found) < problem.compute_miss(made):
-                made = found
+                made, far = found, zone and zone.take_near(simple, beyond=True)
             if problem.compute_miss(found) <= 1.0:
                 break
         wanted = 1 if is_few else -1
@@ -219,7 +231,20 @@ def fit_patches(problem: ContactProblem, best: Contact | None) -> Contact | None
         # As many steps of `list_counts` as divide the number of triangles by what is too much.
         fewer = 0 if is_few else max(math.ceil(math.log(len(pieces) / most) / math.log(GROWTH)), 1)
         index = index + 1 if is_few else max(index - fewer, 0)
-    return made
+    return _add_beyond(problem, made, far) if made and far and len(far.faces) else made
+
+
+def _add_beyond(problem: ContactProblem, contact: Contact, far: trimesh.Trimesh) -> Contact:
+    """Return patches within reach together with coarse ones of what is beyond."""
+    aim, counts = _AIM * max(_BEYOND, problem.accuracy), list_counts(len(far.faces))
+    distance = SurfaceDistance(far)
+    enough = bisect_left(
+        counts[:-1], -aim, key=lambda count: -distance.measure_mesh(simplify_surface(far, count)).mean()
+    )
+    simple = simplify_surface(far, counts[enough])
+    most = problem.options.max_pieces - len(contact.pieces)
+    pieces = sorted(_thicken(problem, simple, _JOINING * aim), key=lambda piece: -piece.area)[:most]
+    return problem.measure([*contact.pieces, *pieces], **contact.notes, beyond_reach=len(pieces))
 
 
 def make_prisms(problem: ContactProblem, best: Contact | None) -> Contact | None:

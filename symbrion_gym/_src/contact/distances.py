@@ -22,6 +22,7 @@ from reconstruction._src.geometry.rows import compute_lengths, cross_rows
 from reconstruction._src.geometry.sampling import sample_area
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, join_meshes
+from symbrion_gym._src.contact.reach import Reach
 
 Points = Float[np.ndarray, "N 3"]  # [m]
 Distances = Float[np.ndarray, " N"]  # [m]
@@ -57,13 +58,18 @@ class Gaps(NamedTuple):
 class SurfaceDistance:
     """Distance of one contact geometry after another from samples of one surface."""
 
-    def __init__(self, surface: trimesh.Trimesh) -> None:
-        """Sample the surface."""
+    def __init__(self, surface: trimesh.Trimesh, zone: Reach | None = None) -> None:
+        """Sample the surface; where there is a zone, distances are those of what lies within it."""
+        self._zone = zone
         self._vertices = np.ascontiguousarray(surface.vertices, dtype=np.float64)
         self._faces = np.ascontiguousarray(surface.faces, dtype=np.int64)
         self._normals = _compute_normals(self._vertices, self._faces)
-        self.points = sample_area(self._vertices, self._faces, _NUM_POINTS)
+        self.points = self._sample(self._vertices, self._faces)
         self._directions = self._normals[find_nearest(self.points, self._vertices, self._faces)[1]]
+
+    def _sample(self, vertices: Vertices, faces: Faces) -> Points:
+        points = sample_area(vertices, faces, _NUM_POINTS)
+        return points if self._zone is None else points[self._zone.measure_excess(points) <= 0]
 
     def compute_gaps(self, contact: Sequence[trimesh.Trimesh] | HeightField) -> Gaps:
         """Return the distances from contact; -inf where there is none."""
@@ -74,7 +80,7 @@ class SurfaceDistance:
         raised = _find_depths(self.points, contact, self._directions)
         vertices, faces = join_meshes(contact)
         distance, _, _ = find_nearest(self.points, vertices, faces)
-        points = sample_area(vertices, faces, _NUM_POINTS)
+        points = self._sample(vertices, faces)
         heights, distances = self._measure_heights(points[compute_depths(points, contact) <= _INSIDE])
         is_touchable = heights > -UNCOVERED_BEYOND
         protrusions = np.where(heights > 0, distances, 0.0)[is_touchable]
@@ -85,7 +91,7 @@ class SurfaceDistance:
         vertices, faces = np.asarray(sheet.vertices), np.asarray(sheet.faces)
         distance, face, nearest = find_nearest(self.points, vertices, faces)
         height = np.einsum("ni,ni->n", self.points - nearest, _compute_normals(vertices, faces)[face])
-        heights, distances = self._measure_heights(sample_area(vertices, faces, _NUM_POINTS))
+        heights, distances = self._measure_heights(self._sample(vertices, faces))
         return Gaps(
             self.points, np.where(height < 0, distance, -distance), np.where(heights > 0, distances, 0.0)
         )
@@ -223,29 +229,31 @@ def find_signed_nearest(points: Points, surface: trimesh.Trimesh) -> NearestPoin
     return NearestPoints(np.abs(heights), heights, normals[is_face][np.ravel(face)])
 
 
-_FINEST = 0.003  # Contact need not be closer [m]: a Scout's tracks do not feel 3 mm
+_FINEST = 1.0 / 35.0  # Contact need not be closer, in sizes of the robot: a Scout's tracks do not feel 3 mm
 _EXTENT = 1.0 / 500.0  # ... or this share of the extent of the surface, for small things.
+_COARSEST = 1.0 / 10.0  # Contact must not be farther off, in sizes of the robot, however sparse readings are
 _SPACING = 0.1  # In median distances of neighboring readings over the surface
 _MESH = 0.05  # Without readings, in median lengths of the edges of the surface
-_COARSEST = 2.0  # ... but no more than this many times the finest: a drawn mesh with long edges is exact.
+_DRAWN = 2.0  # ... but no more than this many times the finest: a drawn mesh with long edges is exact.
 _NUM_READINGS = 5000  # Readings that are looked at
 _DEVIATION = 1.4826  # Standard deviation of a normal distribution over the median of its absolute values
 
 
-def find_accuracy(surface: trimesh.Trimesh, points: Points | None = None) -> float:
-    """Return the accuracy that contact geometry of a scanned surface should have [m].
+def find_accuracy(surface: trimesh.Trimesh, size: float, points: Points | None = None) -> float:
+    """Return the accuracy that contact geometry of a scanned surface should have for a robot of some size [m].
 
     The median distance of readings from the surface gives their noise; spacing is that of the surface's area, so
     that dense readings near the scanner do not stand for those far from it.
     """
-    finest = min(_FINEST, _EXTENT * float(surface.extents.max()))
+    finest = min(_FINEST * size, _EXTENT * float(surface.extents.max()))
     if points is None or len(points) < 2:
         edges = _MESH * float(np.median(surface.edges_unique_length))
-        return min(max(finest, edges), _COARSEST * finest)
+        return min(max(finest, edges), _DRAWN * finest)
     chosen = np.sort(np.random.default_rng(0).permutation(len(points))[:_NUM_READINGS])
     vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
     noise = _DEVIATION * float(np.median(find_nearest(points[chosen], vertices, faces)[0]))
     tree = cKDTree(points)
     _, nearest = tree.query(sample_area(vertices, faces, _NUM_READINGS))
     distance, _ = tree.query(points[nearest], k=2)
-    return max(finest, noise, _SPACING * float(np.median(distance[:, 1])))
+    wanted = max(noise, _SPACING * float(np.median(distance[:, 1])))
+    return min(max(finest, wanted), _COARSEST * size)

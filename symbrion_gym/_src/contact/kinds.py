@@ -39,20 +39,22 @@ class ContactOptions:
         ArenaError: an option is out of range.
     """
 
-    # mean distance between contact and surface that is good enough [m]; None: as fine as the scan
+    # mean distance between contact and surface that is good enough [m]; None: see `find_accuracy`
     accuracy: float | None = None
     max_pieces: int = 2200  # no more convex pieces than these
     kind: str = "auto"  # one of `CONTACT_CHOICES`
     thickness: float = 0.2  # how far slabs reach below the lowest ground [m]
     seed: int = 0  # seed of coacd's search
     time_limit: float = 300.0  # coacd may run so long; beyond it, making is refused [s]
+    reach: float | None = 1.2  # height above ground up to which the accuracy is wanted [m]; None: everywhere
+    for_size: float = 0.105  # of the smallest wheel or body that will drive there [m]
 
     def __post_init__(self) -> None:
         if self.kind not in CONTACT_CHOICES:
             raise ArenaError(
                 f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_CHOICES)}"
             )
-        for name in ("accuracy", "thickness", "time_limit"):
+        for name in ("accuracy", "thickness", "time_limit", "reach", "for_size"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < float("inf"):
                 raise ArenaError(f"{name} must be above 0, got {value}")

@@ -108,7 +108,9 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         self._renderers: list[tuple[mujoco.MjData, SceneRenderer]] = []
 
     def _make_batch(self, num_threads: int) -> None:
-        self.batch = Batch(self.model, self.num_envs, num_threads, persistent=self.config.timers)
+        self.batch = Batch(
+            self.model, self.num_envs, num_threads, persistent=self.config.timers or self.world.skips_static
+        )
         is_alone = len(self._worlds) == 1
         self._models = (
             SharedModel(self.batch, self.world) if is_alone else IndividualModels(self.batch, self._worlds)

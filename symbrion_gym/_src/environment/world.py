@@ -107,6 +107,9 @@ other bodies are [m]."""
 _TIPPED = 0.1
 """A lone module that turns by more as it settles was not at rest on its line, but about to tip over an edge [rad]."""
 _SAME = 1e-9  # Numbers closer than this are equal but for rounding
+_MANY_PIECES = 300
+"""From so many on, the poses of static geoms take a third of a step. To leave them out, MuJoCo wants an `MjData` of
+each simulation's own, which costs more than it saves where pieces are few."""
 
 
 class Physics(NamedTuple):
@@ -143,7 +146,7 @@ class World:
     def _make_spec(self, width: int, height: int) -> mujoco.MjSpec:
         spec = self.arena.spec()
         add_scene(spec, width, height)
-        self.organism.add_to(spec, spec.worldbody)
+        root = self.organism.add_to(spec, spec.worldbody)
         add_sensors(spec, self.organism, self.config.sensor_names, self.config.dt)
         for geom in spec.worldbody.geoms:
             if geom.group == ARENA_CONTACT_GROUP:
@@ -151,7 +154,15 @@ class World:
         set_physics(spec.option, self.config.timestep, self.organism.num_modules)
         # One tree of bodies is one island: looking for more takes 5 % of a step.
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+        if len(self.arena.pieces) > _MANY_PIECES:  # with sleep, static geoms stay where they were put
+            spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+            root.sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
         return spec
+
+    @property
+    def skips_static(self) -> bool:
+        """Whether the model leaves out static geoms, so that each simulation needs an `MjData` of its own."""
+        return bool(self.model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))
 
     def _find_ids(self) -> None:
         model, organism = self.model, self.organism

@@ -100,6 +100,7 @@ def test_view_tells_ground_and_route(sheet, capsys):
     [
         (["--accuracy", "0"], "--accuracy 0"),
         (["--max-pieces", "0"], "--max-pieces 0"),
+        (["--reach", "0"], "--reach 0"),
         (["--viewpoint", "nan", "0", "0"], "not finite"),
         (["--picture", "a.jpg"], ".png"),
     ],

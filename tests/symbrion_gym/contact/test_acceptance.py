@@ -52,18 +52,20 @@ def test_uncovered_counts_where_five_centimeters_are_more_than_what_is_wanted():
     assert compute_miss(make(uncovered=0.5), 0.3, 100) < 1
 
 
-def test_default_accuracy_follows_noise_and_is_never_finer_than_a_limit():
+def test_default_accuracy_follows_noise_within_limits_of_the_robot():
     floor = trimesh.creation.box(bounds=[[0, 0, -1], [4, 4, 0]]).subdivide()
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(0, 4, (40_000, 2)), np.zeros(40_000)])
-    assert find_accuracy(floor, points) == pytest.approx(0.003)
+    assert find_accuracy(floor, 0.105, points) == pytest.approx(0.003)
     points[:, 2] = rng.normal(scale=0.02, size=len(points))
-    assert find_accuracy(floor, points) == pytest.approx(0.02, rel=0.1)
-    assert find_accuracy(floor) <= 0.006
+    assert find_accuracy(floor, 0.21, points) == pytest.approx(0.02, rel=0.1)
+    assert find_accuracy(floor, 0.105, points) == pytest.approx(0.0105)  # a tenth of the robot, at most
+    assert find_accuracy(floor, 0.105) <= 0.006
 
 
 @pytest.mark.parametrize(
-    "changes", [{"kind": "jelly"}, {"accuracy": 0.0}, {"time_limit": float("inf")}, {"max_pieces": 0}]
+    "changes",
+    [{"kind": "jelly"}, {"accuracy": 0.0}, {"time_limit": float("inf")}, {"max_pieces": 0}, {"reach": -1.0}],
 )
 def test_options_out_of_range_are_refused(changes):
     with pytest.raises(ArenaError, match=next(iter(changes))):

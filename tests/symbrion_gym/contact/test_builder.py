@@ -13,6 +13,7 @@ from symbrion_gym._src.contact import builder
 from symbrion_gym._src.contact.builder import make_contact
 from symbrion_gym._src.contact.distances import compute_depths
 from symbrion_gym._src.contact.kinds import ContactOptions
+from symbrion_gym._src.contact.reach import Reach
 from symbrion_gym._src.errors import ArenaError
 
 ACCURACY = 0.005
@@ -135,3 +136,21 @@ def test_where_few_pieces_do_or_pieces_are_asked_for_there_is_no_height_field(ro
     assert make_contact(rough, ContactOptions(kind="convex"), 0.008).pieces
     monkeypatch.setattr(builder, "_LEAST_DENSITY", 1e6)
     assert make_contact(rough, ContactOptions(), 0.008).pieces
+
+
+def test_contact_is_coarse_beyond_reach_and_as_accurate_as_before_within_it():
+    rng, (u, v) = np.random.default_rng(0), np.meshgrid(np.linspace(0, 2.4, 25), np.linspace(0, 2.4, 25))
+    cell = (np.arange(24)[:, None] * 25 + np.arange(24)).ravel()
+    corners = np.concatenate([cell[:, None] + [0, 1, 26], cell[:, None] + [0, 26, 25]])
+    depth = rng.normal(scale=0.015, size=u.shape) * (u > 0)
+    floor, wall = (np.stack(each, axis=-1).reshape(-1, 3) for each in ((u, v, 0 * u), (depth, v, u)))
+    faces = np.concatenate([corners, corners[:, ::-1] + len(floor)])
+    room = trimesh.Trimesh(np.concatenate([floor, wall]), faces)
+    assert (room.face_normals[:, [0, 2]].sum(axis=1) > 0).all()
+    usual, coarse = (
+        make_contact(room, ContactOptions(), 0.004, zone=zone) for zone in (None, Reach(room, 0.8, 0.105))
+    )
+    high, fewer = ([piece.bounds[0, 2] > 0.8 for piece in each.pieces] for each in (usual, coarse))
+    assert 0 < sum(fewer) < sum(high) / 3
+    assert coarse.quality.mean < 0.004  # of what is within reach
+    assert coarse.quality.p95 < 0.012

@@ -33,6 +33,24 @@ def test_each_simulation_has_its_own_arena_to_the_bit(more):
         assert_equal_ticks(vector, singles, 120, rng)
 
 
+def test_many_static_pieces_are_left_out_of_steps_to_the_bit():
+    truth = load_arena("truth")
+    boxes = [trimesh.creation.box((0.1, 0.1, 0.1)).apply_translation((0.2 * i, 5.0, 0.0)) for i in range(300)]
+    options = {"modules": 4, "arena": replace(truth, pieces=[*truth.pieces, *boxes])}
+    vector, one = (
+        OrganismVectorEnv(2, num_threads=2, autoreset_mode="Disabled", **options),
+        OrganismEnv(**options),
+    )
+    all_steps, _ = OrganismEnv(**{**options, "arena": truth}), vector.reset(seed=[0, 0])
+    for env in (one, all_steps):
+        env.reset(seed=0)
+    far = one.model.geom(f"arena_piece_{len(truth.pieces) + 299}").id
+    one.data.geom_xpos[far] += 9.0
+    moved = one.data.geom_xpos[far].copy()
+    assert_equal_ticks(vector, [one, all_steps], 40, np.random.default_rng(0))
+    np.testing.assert_array_equal(one.data.geom_xpos[far], moved)  # no step has put it back
+
+
 def _add_odd_piece(arena):
     """Return the arena with a piece that is a box only when the arena is stretched by the first factor."""
     box = trimesh.creation.box((0.3, 1.0, 0.3))

@@ -41,7 +41,11 @@ class Arena(FrameCommand):
     out: Path = Path("arena")
     """Output folder: MJCF for MuJoCo's viewer, meshes, arena.json. An arena in it is replaced, other files are kept."""
     accuracy: float | None = None
-    """Target of the mean distance between contact geometry and surface [m]. Default: follows the data."""
+    """Target of the mean distance between contact geometry and surface [m]. Default: follows data and robot."""
+    reach: float | Literal["none"] | None = 1.2
+    """Height above ground up to which that accuracy is wanted [m]; higher up it is 5 cm. none: everywhere."""
+    for_size: float = 0.105
+    """Size of the smallest wheel or body that will drive there [m]; contact is accurate to a tenth of it or better."""
     kind: Literal["auto", "convex", "hfield", "prisms", "mixed"] = "auto"
     """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit.
     Mixed: boxes, spheres, cylinders and rectangles in place of triangles, for rays, too."""
@@ -70,7 +74,7 @@ class Arena(FrameCommand):
             )
         require_writable_folder(self.out, "--out")
         find_own_files(self.out)
-        self.require_positive("accuracy")
+        self.require_positive("accuracy", "for_size", *(("reach",) if self.reach != "none" else ()))
         self.require_least(max_pieces=1)
         require_writable_file(self.picture, "--picture", (".png",))
         if bool(self.object) != (self.scan is not None):
@@ -121,6 +125,8 @@ class Arena(FrameCommand):
         arena = sg.make_arena(
             self.mesh,
             accuracy=self.accuracy,
+            reach=None if self.reach == "none" else self.reach,
+            for_size=self.for_size,
             kind=self.kind,
             viewpoints=self.viewpoint or None,
             unit=self.unit,

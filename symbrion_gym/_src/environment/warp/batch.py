@@ -86,6 +86,7 @@ class WarpBatch:
     def _make(self, model: mujoco.MjModel) -> None:
         mjw, rows = self._mjw, _ROWS_PER_CONTACT * self.max_contacts + 2 * model.nv + model.nu
         model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # Warp never resets
+        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         with self.warp.ScopedDevice(self.warp_device):
             try:
                 self._model = mjw.put_model(model, batch_sizes=dict.fromkeys(VARIED, self.nsim))
