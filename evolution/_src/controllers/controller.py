@@ -13,15 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from evolution._src.controllers.joints import Drive, Joints, find_joints, find_namespace, make_drive
-from evolution._src.controllers.laws import (
-    NETWORK_INPUTS,
-    REACTIVE_GENES,
-    Law,
-    network,
-    path,
-    posture,
-    reactive,
-)
+from evolution._src.controllers.laws import REACTIVE_GENES, Law, path, posture, reactive
 from evolution._src.controllers.oscillators import OscillatorController
 from evolution._src.controllers.protocol import Structure
 from evolution._src.errors import RunError
@@ -30,7 +22,7 @@ from reconstruction._src.base.range_checks import check_choice
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
-CONTROLLERS = ("path", "reactive", "posture", "network", "oscillators")  # Names of the laws
+CONTROLLERS = ("path", "reactive", "posture", "oscillators")  # Names of the laws
 SENSORS = ("hinge_angle", "pitch", "contact")  # Sensors that every law reads
 CONTACT_TIMEOUT = 15
 """Ticks without contact after which a module counts as airborne: 0.3 s bridge the flicker of contact; a head that
@@ -41,9 +33,7 @@ would never come down again."""
 NUM_KNOTS = 12  # Knots of `path`: 10 cm apart, finer than a module is long
 KNOTS = np.linspace(-0.55, 0.55, NUM_KNOTS)
 """Positions of the knots from the middle of the pit [m]: they cover the pit and 0.3 m on either side."""
-NUM_HIDDEN = 4  # Hidden units of `network`: its search space has 37 genes
 GENE_BOUND = 1.5  # Largest absolute value of a gene, an angle [rad] or gain: nearly the range of a hinge
-WEIGHT_BOUND = 4.0  # Largest absolute value of a weight of `network`: more saturates its tanh
 REACTIVE_HINT = (-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6)
 """Hint for a search for a reactive law: lift what is in the air in front, keep the head level.
 Set by hand, close to what earlier searches had found; a genotype close to it crossed in 14 of 32 trials."""
@@ -130,13 +120,8 @@ def make_law(name: str, organism: Organism, num_tracks: int = 0) -> OwnControlle
         return LawController(name, *body, law, dict.fromkeys(genes, 0.0), sensors=sensors)
     if name == "reactive":
         return LawController(name, *body, reactive, dict(zip(REACTIVE_GENES, REACTIVE_HINT, strict=True)))
-    if name == "posture":
-        genes = [f"hinge_{index}" for index in range(len(organism.hinges))]
-        return LawController(name, *body, posture, dict.fromkeys(genes, 0.0))
-    genes = [f"hidden_{unit}_{each}" for unit in range(NUM_HIDDEN) for each in NETWORK_INPUTS]
-    genes += [*(f"output_{unit}" for unit in range(NUM_HIDDEN)), "output_bias"]
-    law = partial(network, num_hidden=NUM_HIDDEN)
-    return LawController(name, *body, law, dict.fromkeys(genes, 0.0), WEIGHT_BOUND)
+    genes = [f"hinge_{index}" for index in range(len(organism.hinges))]
+    return LawController(name, *body, posture, dict.fromkeys(genes, 0.0))
 
 
 def make_controller(name: str, modules: int) -> OwnController:

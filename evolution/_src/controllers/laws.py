@@ -8,7 +8,6 @@ lifts what is ahead. In a snake, hinge i joins module i, counted from the head, 
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
 from jaxtyping import Float
 
 from evolution._src.controllers.joints import Joints, find_namespace
@@ -21,9 +20,6 @@ without ground contact, and "recent_contact", one whose last contact is recent e
 Law = Callable[[Sensed, Float[Any, "P G"], Joints], Float[Any, "P H"]]
 """From quantities and genotypes to hinge targets [rad]."""
 
-NETWORK_INPUTS = ("bias", "pitch_ahead", "pitch_behind", "air_ahead", "air_behind")
-NETWORK_INPUTS += ("angle", "place", "head_pitch")
-"""Inputs of `network` at each hinge, in the order of its weights."""
 REACTIVE_GENES = ("bias", "head_bias", "tail_bias", "pitch_ahead", "pitch_behind")
 REACTIVE_GENES += ("front_air", "rear_air", "head_pitch")
 """Genes of `reactive`, in order."""
@@ -76,31 +72,6 @@ def posture(sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints) -> Floa
     A body shorter than the genotype's reads its first genes.
     """
     return genotype[:, : len(joints.own)].copy()
-
-
-def network(
-    sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints, num_hidden: int
-) -> Float[Any, "P H"]:
-    """Compute each hinge's angle by a small network with one hidden layer, with the same weights at every hinge.
-
-    The place of a hinge is its distance from the head in the tree: -1 for the nearest, 1 for the farthest.
-    """
-    angle, pitch, airborne = sensed["hinge_angle"], sensed["pitch"], sensed["airborne"]
-    xp = find_namespace(genotype)
-    ones = xp.ones_like(angle)
-    farthest = int(joints.depth.max(initial=1))
-    places = np.linspace(-1.0, 1.0, farthest)[joints.depth - 1]
-    inputs = (ones, sensed["inclination_ahead"], pitch[:, joints.own])
-    inputs += (airborne[:, joints.ahead], airborne[:, joints.own], angle, ones * places, ones * pitch[:, :1])
-    weights = genotype.T[:, :, None]
-    target = weights[-1] * ones
-    for unit in range(num_hidden):
-        first = unit * len(NETWORK_INPUTS)
-        activation = weights[first] * inputs[0]
-        for offset in range(1, len(inputs)):
-            activation = activation + weights[first + offset] * inputs[offset]
-        target = target + weights[num_hidden * len(NETWORK_INPUTS) + unit] * xp.tanh(activation)
-    return target
 
 
 def _interpolate(

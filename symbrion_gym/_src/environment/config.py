@@ -66,7 +66,6 @@ RANDOM_LIMITS = {
     "start_lateral": (-5.0, 5.0),
     "yaw": (-np.pi, np.pi),
     "track_speed": SCOUT_LIMITS["track_speed"],
-    "roll": (-np.pi, np.pi),
     "patch_friction": (-1.0, 1.0),
 }
 """Smallest and largest value of what may differ from episode to episode; units as in `Domain`."""

@@ -12,7 +12,6 @@ from reconstruction._src.geometry.pose import PlanarPose, make_quaternion
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import Organism, snake
-from symbrion_gym._src.tasks.state import Scene
 
 LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
@@ -21,7 +20,6 @@ _LINE_MARGIN = 0.2  # The line of heights reaches this much farther than the org
 _FOOTPRINT = 0.06 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.0, 0.0]])
 """Points of a module over which the highest ground is taken where organisms are no snakes [m]: a little beyond its
 sides, which are 0.0525 m from its center."""
-_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])  # Of a cube
 _NUM_ITERATIONS = 8  # Of the fixed-point iteration that puts a module's end on the ground
 _SMALLEST_STEP = 0.2  # A module stands no steeper than this share of its length along the ground
 _STRETCH = 20  # The ground on a storey is followed over as many samples at a time: a module's length
@@ -129,29 +127,6 @@ def _follow_ground(
     nose_up = np.arctan2(z[:-1] - z[1:], s[1:] - s[:-1])
     limit = organism.scout.hinge_range
     return float(z[0]), float(nose_up[0]), np.clip(nose_up[:-1] - nose_up[1:], -limit, limit)
-
-
-def tumble(scene: Scene, qpos: Float[np.ndarray, " nq"], yaw: float, roll: float) -> Float[np.ndarray, " nq"]:
-    """Return qpos of an organism that is turned about the axis of its head, its hinges straight.
-
-    It is as low as it can be with all corners of its modules above the ground, as a body that fell over.
-    """
-    turned, organism = qpos.copy(), scene.organism
-    turned[7:] = 0.0
-    upright, about, matrix = np.zeros(4), np.zeros(4), np.zeros(9)
-    mujoco.mju_axisAngle2Quat(upright, np.array([0.0, 0.0, 1.0]), yaw)
-    mujoco.mju_axisAngle2Quat(about, np.array([1.0, 0.0, 0.0]), roll)
-    mujoco.mju_mulQuat(turned[3:7], upright, about)
-    mujoco.mju_quat2Mat(matrix, turned[3:7])
-    centers = np.array([(pose.x, pose.y, 0.0) for pose in organism.compute_poses()])
-    corners = (centers[:, None] + _CORNERS * np.array(organism.scout.size) / 2).reshape(-1, 3)
-    corners = corners @ matrix.reshape(3, 3).T
-    x, y = (corners + turned[:3])[:, :2].T
-    edge = organism.scout.size[2]
-    ground = scene.find_ground(x, y, np.full(len(x), turned[2] + edge))
-    ground = np.where(np.isfinite(ground), ground, turned[2] - edge / 2)
-    turned[2] = float(np.max(ground - corners[:, 2])) + LIFT
-    return turned
 
 
 _MARGIN = 0.05  # Contacts are foreseen from this distance on [m]

@@ -72,7 +72,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     distance that the head's tracks run, times the cosine of its pitch. It does not contain slip, `start_offset`, `yaw`
     and `stretch`. `goal_direction` is an estimate likewise, in the plane: the speeds of all tracks and the tilt of the
     modules turn and move a pose from the start on the map. `goal` is the truth. In tasks without a place to head
-    for, as in Recover, `goal` is zero and `goal_direction` 100 m ahead of the start.
+    for, as one of your own may be, `goal` is zero and `goal_direction` 100 m ahead of the start.
 
     ## Reward
 
@@ -146,8 +146,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     since the start [m], `time` [s], `lowest_module` (height of the lowest module [m]), `least_upright` (z of the up
     axis of the module that leans most), and the flags `success`, `diverged`, `rolled_over`, `fell`, `touched_pit`,
     `stuck`. `reason` is the flag that ended the episode, or "timeout", and "" as long as it goes on.
-    `roll` (turning of the organism about the axis of its head at the start [rad]) is a reset option, too; the
-    task "recover" draws it. Other tasks have flags and terms of the reward of their own.
+    Other tasks have flags and terms of the reward of their own.
 
     In an arena with a `friction_map`, `friction` holds outside of its patches. The friction of a patch keeps its ratio
     to that of the arena: with `friction` at half the arena's, all patches have half of theirs. The reset option

@@ -30,7 +30,6 @@ class Domain(NamedTuple):
     start_lateral: float  # displacement of the start to the left [m]
     yaw: float  # rotation of the organism about its head [rad]
     track_speed: float  # surface speed of the tracks [m/s]
-    roll: float = 0.0  # the organism turned about the axis of its head at the start [rad]
     # where in their intervals the frictions of all patches lie: 0 in the middle, ±1 at the ends of the 95 %
     # interval
     patch_friction: float = 0.0
@@ -43,7 +42,7 @@ def make_nominal_domain(world: World) -> Domain:
 
 def list_random(world: World, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the reset options of an episode: its own, those of every episode, and those of the task."""
-    return {**world.task.start.randomize(), **world.config.randomize, **options}
+    return {**world.config.randomize, **options}
 
 
 def draw_domain(world: World, options: Mapping[str, Any], rng: np.random.Generator) -> Domain:
@@ -93,7 +92,7 @@ def begin_episode(
         fields.geom_friction[world.patch_geoms, 0] = patches
     fields.actuator_forcerange[world.hinge_servos] = np.stack([-torque, torque], axis=-1)
     fields.geom_surfacevel[world.track_geoms] = compute_surface_velocity(scout, domain.track_speed)
-    qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw, domain.roll)
+    qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
     control[world.servos] = qpos[world.hinge_qpos]
 
 

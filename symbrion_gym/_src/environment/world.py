@@ -23,7 +23,7 @@ from symbrion_gym._src.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym._src.arenas.spec import PATCH_PRIORITY
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import MAX_MODULES, SCOUT_OPTIONS, EnvironmentConfig, apply_options
-from symbrion_gym._src.environment.laying import LIFT, GroundPlacement, Settler, compute_depth, tumble
+from symbrion_gym._src.environment.laying import LIFT, GroundPlacement, Settler, compute_depth
 from symbrion_gym._src.environment.rendering import add_scene
 from symbrion_gym._src.errors import ArenaError, OrganismError
 from symbrion_gym._src.robot.body_plans import load_organism
@@ -233,15 +233,13 @@ class World:
         return speed.reshape(len(speed), -1) / self.organism.scout.track_radius
 
     def lay_down(
-        self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0, roll: float = 0.0
+        self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0
     ) -> Float[np.ndarray, " nq"]:
         """Return qpos of an organism at rest on the ground at the start, bent as the ground is."""
         route = self.route
         x, y = (float(v) for v in route.place(route.start + offset, lateral))
         qpos = self.model.qpos0.copy()
         qpos[:7], hinges = self._placement.lay(PlanarPose(x, y, route.heading + yaw))
-        if roll:
-            return tumble(self.scene, qpos, route.heading + yaw, roll)
         qpos[self.hinge_qpos[: len(hinges)]] = hinges
         has_sunk = compute_depth(self.model, self._probe, qpos) > _SUNK
         if self._placement.is_snake and self.num_modules > 1 and not has_sunk:

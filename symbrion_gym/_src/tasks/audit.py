@@ -20,8 +20,7 @@ from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.tasks.goals import PassFinish
 from symbrion_gym._src.tasks.paths import PathRoute
-from symbrion_gym._src.tasks.reach import DockAtObject, ReachObject, ReachPlaces
-from symbrion_gym._src.tasks.stand_up import StandUp
+from symbrion_gym._src.tasks.reach import ReachObject, ReachPlaces
 from symbrion_gym._src.tasks.state import Scene
 from symbrion_gym._src.tasks.task import Task
 
@@ -33,7 +32,6 @@ docks."""
 _UPRIGHT = float(np.cos(np.deg2rad(61.0)))
 """Smallest z component of the up axis of a module that stands: one degree more than the success check allows."""
 _ROLLED_OVER = -0.3  # Below this z component a module has rolled over
-_TUMBLED = -1.1  # After a tumble any is allowed
 _CLEARANCE = 0.045  # The lowest corner of a standing module is no higher above the ground [m]
 _SMALLEST_HEIGHT = 0.02  # A center comes no closer to the surface below it [m]
 _SMALLEST_GAP = 0.080
@@ -108,7 +106,7 @@ def audit(trajectory: Trajectory, task: Task, scene: Scene, track_speed: float) 
     if isinstance(goal, PassFinish):
         progress = np.minimum(_compute_along(scene, motion.centers)[0], route.finish).mean(axis=1)
     faults = [
-        *_find_bad_motion(motion, _TUMBLED if isinstance(goal, StandUp) else _ROLLED_OVER),
+        *_find_bad_motion(motion),
         *find_bad_pace(motion, track_speed, progress),
         *_find_overlaps(motion.centers, height),
         *find_unsteady_end(motion, height),
@@ -166,7 +164,7 @@ def _compute_along(scene: Scene, points: Float[np.ndarray, "... 3"]) -> tuple[np
     return ahead, points[..., 1] * np.cos(angle) - points[..., 0] * np.sin(angle) - offset
 
 
-def _find_bad_motion(motion: Motion, rolled_over: float) -> list[str]:
+def _find_bad_motion(motion: Motion) -> list[str]:
     """Return what no body does: jumps, and rolling over."""
     faults, (time, centers, rotations) = [], motion
     step = np.diff(time)
@@ -175,7 +173,7 @@ def _find_bad_motion(motion: Motion, rolled_over: float) -> list[str]:
     speed = np.linalg.norm(np.diff(centers, axis=0), axis=2) / step[:, None]
     if speed.max(initial=0.0) > _MAX_SPEED:
         faults.append(f"a module moves at {speed.max():.2f} m/s")
-    if (rotations[:, :, 2, 2] < rolled_over).any():
+    if (rotations[:, :, 2, 2] < _ROLLED_OVER).any():
         faults.append("a module rolled over")
     return faults
 
@@ -240,14 +238,10 @@ def find_unsteady_end(motion: Motion, height: Height) -> list[str]:
 def _find_bad_goal(motion: Motion, scene: Scene, goal: object) -> list[str]:
     if isinstance(goal, PassFinish):
         return _find_not_across(motion, scene)
-    if isinstance(goal, DockAtObject):
-        return _find_object_missed(motion, scene, goal)
     if isinstance(goal, ReachObject):
         return _find_object_missed(motion, scene, goal) + _find_not_reached(motion, scene, goal)
     if isinstance(goal, ReachPlaces):
         return _find_not_reached(motion, scene, goal)
-    if isinstance(goal, StandUp):
-        return []
     raise TaskError(f"there is no audit for {goal!r}; write one like `symbrion_gym._src.tasks.audit`")
 
 
@@ -280,29 +274,20 @@ def _find_not_reached(motion: Motion, scene: Scene, goal: ReachPlaces) -> list[s
 
 
 def _find_object_missed(motion: Motion, scene: Scene, goal: ReachObject) -> list[str]:
-    """Return whether the head does not end near the front of the object and turned to it; or its dock not at the front
-    and aligned with it."""
+    """Return whether the head does not end near the front of the object and turned to it."""
     each, scout = find_object(scene.arena.objects, goal.site), scene.organism.scout
     front = each.rotation[:2, 0] / max(float(np.linalg.norm(each.rotation[:2, 0])), 1e-9)
     face = each.position[:2] + float(np.max(each.mesh.vertices[:, 0])) * front
     ahead = motion.rotations[motion.is_end][:, 0, :2, 0]
     ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
     offset = face - motion.centers[motion.is_end][:, 0, :2]
-    if isinstance(goal, DockAtObject):
-        what, of_what = "dock", "the front of the object"
-        most = 0.03 if goal.tolerance is None else goal.tolerance
-        gap = scout.arm_reach * ahead - offset
-        away = np.abs(np.stack([gap @ front, gap @ np.array([-front[1], front[0]])]))
-        cosine = -(ahead @ front)
-    else:
-        what, of_what = "head", "the object"
-        most = float(np.ptp([pose.x for pose in scene.organism.compute_poses()]))
-        most += scout.dock_reach + scout.arm_reach
-        away = np.linalg.norm(offset, axis=1)
-        cosine = (offset * ahead).sum(axis=1) / np.maximum(away, 1e-9)
+    most = float(np.ptp([pose.x for pose in scene.organism.compute_poses()]))
+    most += scout.dock_reach + scout.arm_reach
+    away = np.linalg.norm(offset, axis=1)
+    cosine = (offset * ahead).sum(axis=1) / np.maximum(away, 1e-9)
     faults, angle = [], np.arccos(np.clip(cosine, -1.0, 1.0)).max()
     if away.max() > most + _SLACK:
-        faults.append(f"the {what} ends {1000 * away.max():.0f} mm from the object")
+        faults.append(f"the head ends {1000 * away.max():.0f} mm from the object")
     if angle > goal.max_angle + _SLACK_ANGLE:
-        faults.append(f"the head ends {np.degrees(angle):.0f} degrees off {of_what}")
+        faults.append(f"the head ends {np.degrees(angle):.0f} degrees off the object")
     return faults

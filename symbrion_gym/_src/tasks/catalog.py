@@ -7,26 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, cast
 
-import numpy as np
-
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.tasks.goals import BeyondGap, FarEnd, OnTop, PassFinish
-from symbrion_gym._src.tasks.reach import DOCK_TOLERANCE, DockAtObject, ReachObject, ReachPlaces
+from symbrion_gym._src.tasks.reach import ReachObject, ReachPlaces
 from symbrion_gym._src.tasks.route import Point, Start, StartName
-from symbrion_gym._src.tasks.stand_up import StandUp
 from symbrion_gym._src.tasks.task import Task
-from symbrion_gym._src.tasks.terms import (
-    FellOff,
-    Goal,
-    Stuck,
-    Termination,
-    TouchedPit,
-    make_rewards,
-    make_terminations,
-)
+from symbrion_gym._src.tasks.terms import Goal, Termination, TouchedPit, make_rewards, make_terminations
 
-_RIGHTING = 0.05  # Change of the mean uprightness that counts as progress
 _LEAST_STEP = 0.02  # Smallest progress across a pit that counts as such [m]
 
 
@@ -34,14 +22,13 @@ _LEAST_STEP = 0.02  # Smallest progress across a pit that counts as such [m]
 class UsualTerms:
     """Parameters of every task; they are parameters of the functions that make tasks, too."""
 
-    # an episode is truncated after this [s]; 120 for "traverse", 30 for "recover"
+    # an episode is truncated after this [s]; 120 for "traverse"
     duration: float = 90.0
     # time without progress after which it is truncated as well [s]
     stuck_time: float = 15.0
-    # smallest progress that counts as such, in the unit of the goal; None for a fifth of a module's length,
-    # in "recover" for a change of the mean uprightness by 0.05, in "snake_pit" for 0.02 m
+    # smallest progress that counts as such [m]; None for a fifth of a module's length, in "snake_pit" for 0.02 m
     stuck_progress: float | None = None
-    # reward per unit of progress: a meter, a square meter seen, or of uprightness, of which there are two
+    # reward per meter of progress
     forward_weight: float = 1.0
     success_bonus: float = 1.0  # reward of a success
     effort_weight: float = 0.002  # cost per joule of the hinges' work
@@ -122,44 +109,12 @@ def make_reach(
     return UsualTerms(**terms).make_task("reach", Start(start), target)
 
 
-def make_dock(
-    goal: str = "station",
-    tolerance: float = DOCK_TOLERANCE,
-    max_angle: float = DockAtObject.max_angle,
-    start: StartName | Point = "floor",
-    **terms: Any,
-) -> Task:
-    """Make the task of docking at a known object with the front dock of the head.
-
-    Success: the dock within the tolerance of the middle of the object's front, ahead and to the side, the head aligned
-    with it, every module upright, on the ground, the body no faster than its tracks, for 0.3 s.
-    """
-    target = DockAtObject(tolerance=tolerance, site=goal, max_angle=max_angle)
-    return UsualTerms(**terms).make_task("dock", Start(start), target)
-
-
-def make_recover(
-    least: float = 2.0, most: float = np.pi, start: StartName | Point = "floor", **terms: Any
-) -> Task:
-    """Make the task of standing up after a tumble.
-
-    Success: every module upright and on the ground, the body no farther from where it started than its tracks can have
-    taken it, for 0.3 s.
-    """
-    usual = UsualTerms(**{"duration": 30.0, "stuck_progress": _RIGHTING, **terms})
-    stuck = Termination("stuck", Stuck(usual.stuck_time, usual.stuck_progress), truncates=True)
-    task = usual.make_task("recover", Start(start, (least, most)), StandUp())
-    return task.replace(terminations=(Termination("fell", FellOff()), stuck))
-
-
 TASKS: dict[str, Callable[..., Task]] = {
     "snake_pit": make_snake_pit,
     "cross_gap": make_cross_gap,
     "climb": make_climb,
     "reach": make_reach,
-    "dock": make_dock,
     "traverse": make_traverse,
-    "recover": make_recover,
 }
 """Name -> function that makes the task of its parameters."""
 
@@ -193,7 +148,7 @@ def choose_task(task: Task | str, parameters: Mapping[str, Any]) -> Task:
     changes = dict(parameters)
     start = changes.pop("start", "floor")
     if not isinstance(start, str) or start == "pit":
-        changes["start"] = Start(cast(Any, start), task.start.roll)
+        changes["start"] = Start(cast(Any, start))
     for name in changes:
         if name not in ("start", "duration"):
             raise OptionError(

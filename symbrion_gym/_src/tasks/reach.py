@@ -1,8 +1,8 @@
-"""Goals at places on drivable ground: to reach several in turn, to stand before a known object, to dock at one."""
+"""Goals at places on drivable ground: to reach several in turn, and to stand before a known object."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -137,7 +137,6 @@ def _compute_size(organism: Organism) -> float:
 
 _STEP = 0.04  # Places before an object are tried this far apart [m]
 _NEAREST = 0.03  # The first of them leaves this much room between object and front dock [m]
-DOCK_TOLERANCE = 0.03  # Distance of a dock from the middle of an object's front, unless it is given [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,49 +189,6 @@ class ReachObject(ReachPlaces):
         size = xp.maximum(away * xp.linalg.norm(ahead, axis=1), 1e-9)
         faces = (along >= np.cos(self.max_angle) * size) & (away <= compute_length(state.organism))
         return super().has_arrived(state) & faces
-
-
-@dataclass(frozen=True)
-class DockAtObject(ReachObject):
-    """Bring the front dock of the head to the front of an object, aligned with it.
-
-    The tolerance is that of the dock, ahead and to the side.
-
-    Attributes:
-        tolerance: distance of the dock from the middle of the front [m]; None for 3 cm.
-        max_angle: largest angle between the head and the front of the object [rad].
-    """
-
-    max_angle: float = float(np.deg2rad(10.0))
-
-    def find(self, arena: Arena, organism: Organism, start: Start) -> ObjectRoute:
-        """Find the path to a place before the object, and from there straight on until the dock meets its front."""
-        route = super().find(arena, organism, start)
-        last = np.array(route.face) + np.array(route.front) * _compute_ahead(organism)
-        if len(route.corners) >= MAX_CORNERS:
-            raise ArenaError(f"the path to {self.site!r} has too many corners; give a start that is nearer")
-        is_place = (*route.is_place[:-1], False, True)
-        return replace(route, corners=(*route.corners, _as_pair(last)), is_place=is_place)
-
-    def find_tolerance(self, organism: Organism) -> float:
-        """Return the tolerance of the dock [m]."""
-        return DOCK_TOLERANCE if self.tolerance is None else self.tolerance
-
-    def limits(self, state: TaskState) -> dict[str, float]:
-        size = 2 * _compute_size(state.organism) + state.organism.scout.arm_reach
-        return {"progress": -(self.find_tolerance(state.organism) + size)}
-
-    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
-        """Return whether the dock is at the front, aligned, every module upright and on the ground."""
-        face, front = _find_fronts(state)
-        xp, ahead = state.xp, state.rotation[:, 0, 0:4:3]
-        offset = state.position[:, 0, :2] + state.organism.scout.arm_reach * ahead - face
-        gap = (offset * front).sum(axis=1)
-        side = offset[:, 0] * front[:, 1] - offset[:, 1] * front[:, 0]
-        facing = -(ahead * front).sum(axis=1) / xp.maximum(xp.linalg.norm(ahead, axis=1), 1e-9)
-        near = xp.maximum(xp.abs(gap), xp.abs(side)) <= self.find_tolerance(state.organism)
-        has_arrived = near & (facing >= np.cos(self.max_angle)) & find_honest(state)
-        return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
 
 
 def _as_pair(place: Float[np.ndarray, " 2"]) -> tuple[float, float]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -33,18 +33,15 @@ START_NAMES = ("floor", "pit")
 
 @dataclass(frozen=True)
 class Start:
-    """Where a body starts, and whether it has been tumbled.
+    """Where a body starts.
 
     Raises:
-        TaskError: no such place, or angles that are no range.
+        TaskError: no such place.
     """
 
     # "floor": before the ramp or step, or the beginning of the way; "pit": before the pit; or (x, y) or (x,
     # y, z) of the head [m], where z selects one of several storeys
     place: StartName | Point = "floor"
-    # smallest and largest angle by which the body is turned about the axis of its head [rad]; drawn for every
-    # episode
-    roll: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.place, str):
@@ -56,15 +53,6 @@ class Start:
             except ArenaError as error:
                 raise TaskError(str(error)) from None
             object.__setattr__(self, "place", tuple(point.tolist()))
-        if self.roll is not None:
-            low, high = self.roll
-            if not -np.pi <= low <= high <= np.pi:
-                raise TaskError(f"roll must be (low, high) within -pi to pi, got {self.roll!r}")
-            object.__setattr__(self, "roll", (float(low), float(high)))
-
-    def randomize(self) -> Mapping[str, Any]:
-        """Return the reset options that belong to the start."""
-        return {} if self.roll is None else {"roll": self.roll}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,21 +36,7 @@ def posture(pitch, angle, airborne, recent, head, genes):
     return genes
 
 
-def network(pitch, angle, airborne, recent, head, genes):
-    ones = np.ones_like(angle)
-    inputs = (ones, pitch[:, :-1], pitch[:, 1:], airborne[:, :-1], airborne[:, 1:], angle)
-    inputs += (ones * np.linspace(-1.0, 1.0, angle.shape[1]), ones * pitch[:, :1])
-    weights = genes.T[:, :, None]
-    target = weights[-1] * ones
-    for unit in range(4):
-        activation = weights[8 * unit] * inputs[0]
-        for offset in range(1, 8):
-            activation = activation + weights[8 * unit + offset] * inputs[offset]
-        target = target + weights[32 + unit] * np.tanh(activation)
-    return target
-
-
-@pytest.mark.parametrize("law", [reactive, path, posture, network])
+@pytest.mark.parametrize("law", [reactive, path, posture])
 @pytest.mark.parametrize("modules", [2, 3, 8])
 def test_snakes_act_as_rows_of_modules(law, modules):
     organism, count = snake(modules), 11

@@ -8,7 +8,7 @@ from evolution._src.controllers.controller import CONTROLLERS, make_law
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
 from symbrion_gym._src.environment.config import SENSORS
-from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.organism import Organism, cross, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 COUNT = 13
@@ -72,13 +72,6 @@ def test_path_bends_a_cross_along_its_middle_line_only():
     target = act("path", cross(1), slopes, track_odometry=0.1254)
     front, rear = np.interp([0.1254, -0.1254], np.linspace(-0.55, 0.55, 12), slopes)
     assert target == pytest.approx([front - 0.6, 0.6 - rear, 0.0, 0.0])
-
-
-def test_hinges_at_the_same_distance_from_the_head_have_the_same_place():
-    weights = np.zeros((1, 37))
-    weights[0, [6, 32]] = 1.0  # the place of a hinge to the first hidden unit, and this to the output
-    target = act("network", letter_h(3), weights)
-    assert target == pytest.approx(np.tanh([-1, 0, -1, -1, 1, 1]))
 
 
 def test_no_law_of_a_snake_reads_what_a_robot_cannot_sense():

@@ -23,8 +23,8 @@ BODIES: dict[str, Organism] = {
     "tree": make_random_organism(6, np.random.default_rng(4)),
 }
 ARENAS = ("truth", "gsrm", "gg", "wide")
-TASKS = ("cross_gap", "climb", "reach", "traverse", "recover")
-QUICK = [("snake 2", "reach", "truth"), ("cross", "recover", "truth"), ("tree", "climb", "gsrm")]
+TASKS = ("cross_gap", "climb", "reach", "traverse")
+QUICK = [("snake 2", "reach", "truth"), ("cross", "traverse", "truth"), ("tree", "climb", "gsrm")]
 TICKS = 25
 
 

@@ -10,7 +10,6 @@ from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.registration import ENVIRONMENTS
 
 PIT = "symbrion_gym/SnakePit-v1"
-FALLEN = {"task": "recover", "least": 2.4, "organism": "cross", "track_control": "skid", "stuck_time": 2.0}
 VECTOR = {"vectorization_mode": "vector_entry_point"}
 
 
@@ -22,13 +21,11 @@ VECTOR = {"vectorization_mode": "vector_entry_point"}
         ("rolled_over", -1.0, {"start": "pit"}),
         ("touched_pit", -0.1, {"start": "pit", "modules": 5, "bottomless": True}),
         ("success", 0.0, {"pit": 0.0, "start": (0.0, 0.0), "goal": (0.2, 0.0)}),
-        ("stuck", 1.0, FALLEN),
     ],
 )
 def test_only_a_success_has_a_return_above_nothing(reason, action, options):
     """Single and vector environments say the same word."""
-    body = {} if "organism" in options else {"modules": 3}
-    options = {"randomize": {}} | body | options
+    options = {"modules": 3, "randomize": {}} | options
     env, envs = OrganismEnv(**options), OrganismVectorEnv(2, autoreset_mode="Disabled", **options)
     env.reset(seed=0), envs.reset(seed=[0, 0])
     total, is_over = 0.0, False

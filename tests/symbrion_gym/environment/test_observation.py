@@ -118,13 +118,6 @@ def test_a_part_of_the_simulations_may_begin_first():
     assert np.array_equal(observation[0], one)
 
 
-@pytest.mark.filterwarnings("error")
-def test_the_goal_is_zero_where_a_task_has_no_place_to_head_for():
-    env = OrganismEnv(organism=1, arena="gsrm", task="recover", sensors=("goal",))
-    np.testing.assert_array_equal(env.reset(seed=0)[0], 0.0)
-    np.testing.assert_array_equal(env.step(np.zeros(0))[0], 0.0)
-
-
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [

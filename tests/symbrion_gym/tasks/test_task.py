@@ -75,7 +75,6 @@ def test_what_cannot_be_restored_is_refused():
         (lambda: Task("t", rewards=(Termination("a", RolledOver()),)), "must be Rewards"),
         (lambda: Start("roof"), "floor or pit"),
         (lambda: Start((0.0, np.nan)), "a place"),
-        (lambda: Start(roll=(1.0, 0.0)), "low, high"),
         (lambda: make_task("fly"), "there are: snake_pit, cross_gap"),
         (lambda: make_task("climb", obstacle="tree"), "obstacle"),
         (lambda: make_task("traverse", share=0.0), "share"),

@@ -57,7 +57,7 @@ class Evolve(SeededCommand):
     organism: str | None = None
     """The body in place of --modules: a body plan, the name of a shape (cross, H), or a file of one."""
     task: str | None = None
-    """What to do: cross_gap, climb, traverse, reach or recover, or "module:name" of a task of yours."""
+    """What to do: cross_gap, climb, traverse or reach, or "module:name" of a task of yours."""
     start: Literal[STARTS] | Place | None = None  # pyright: ignore[reportInvalidTypeForm]
     """Where a trial begins: a name, or X Y [m]."""
     goal: Place | str | None = None
@@ -65,7 +65,7 @@ class Evolve(SeededCommand):
     environment: Annotated[tuple[tuple[str, str], ...], tyro.conf.arg(metavar="NAME VALUE ...")] = ()
     """Options of the environment, such as pit 0.35 or duration 30."""
     controller: str | None = None
-    """Control law (reactive, path, oscillators, network, posture), or "module:name" of one of yours."""
+    """Control law (reactive, path, oscillators, posture), or "module:name" of one of yours."""
     fitness: str | None = None
     """The scoring, "module:name" of a function of (outcome, body)."""
     bodies: Annotated[tuple[int, ...] | None, tyro.conf.arg(metavar="MIN MAX")] = None

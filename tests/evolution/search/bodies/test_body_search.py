@@ -150,7 +150,7 @@ def test_folders_of_other_runs_are_refused_in_one_line(whole, tmp_path):
 
 
 def test_a_task_that_the_arena_does_not_have_leaves_no_folder(tmp_path):
-    config = make_config(arena="truth", task="dock", folder=tmp_path / "run")
+    config = make_config(arena="truth", task="reach", goal="station", folder=tmp_path / "run")
     with pytest.raises(RunError, match="cannot be made: no objects 'station'"):
         evolve(config)
     assert not (tmp_path / "run").exists()
