@@ -27,7 +27,7 @@ _Entry = tuple[dict[str, Any], float]
 
 
 def _task(name: str, threshold: float, parameters: dict[str, Any] | None = None, **options: Any) -> _Entry:
-    """Return the options of an id, and nine tenths of the progress and bonus of a success: so much counts as solved."""
+    """Return the options of an id, and nine tenths of the return of its reference: so much counts as solved."""
     task = {"default_task": name, "default_parameters": parameters or {}, "randomize": _RANDOMIZE}
     return task | options, threshold
 
@@ -36,15 +36,15 @@ _ROW: dict[str, Any] = {"track_control": "body"}
 _CLIMB = {**_ROW, "arena": "stairs"}
 _LONE = {"arena": "gsrm", "default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _SPECS: dict[str, _Entry] = {
-    "SnakePit-v1": ({"randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
-    "CrossGap-easy-v0": _task("cross_gap", 3.3, **_ROW),
-    "CrossGap-v0": _task("cross_gap", 3.0, **_ROW, default_organism=5, default_pit=0.35),
-    "Climb-easy-v0": _task("climb", 2.6, **_CLIMB, default_organism=3),
-    "Climb-v0": _task("climb", 2.6, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.07}}),
+    "SnakePit-v1": ({"randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.0),
+    "CrossGap-easy-v0": _task("cross_gap", 2.9, **_ROW),
+    "CrossGap-v0": _task("cross_gap", 2.8, **_ROW, default_organism=5, default_pit=0.35),
+    "Climb-easy-v0": _task("climb", 2.2, **_CLIMB, default_organism=3),
+    "Climb-v0": _task("climb", 2.3, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.07}}),
     "Climb-hard-v0": _task(
-        "climb", 2.6, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.09}}
+        "climb", 2.3, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.09}}
     ),
-    "Traverse-v0": _task("traverse", 4.7, **_ROW, arena="gsrm"),
+    "Traverse-v0": _task("traverse", 4.4, **_ROW, arena="gsrm"),
     "Reach-easy-v0": _task("reach", 2.2, {"distance": 1.5}, **_LONE, sensors=(*DEFAULT_SENSORS, "goal")),
 }
 ENVIRONMENTS: dict[str, dict[str, Any]] = {

@@ -15,7 +15,6 @@ from evolution._src.suite.tasks import BUDGET, SUITE, VERSION
 
 COLUMNS = ("submission", "place", "seeds", "truth", "scan", "fitness", "spent [s]")
 """Of a task: place, successes with their interval, fitness in the truth, and simulated time spent."""
-_SHORT_COMMIT = 8
 _TRIMMED = 0.25  # Share left out at each end by the interquartile mean
 
 
@@ -126,9 +125,6 @@ def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
 def _describe(submission: Submission) -> str:
     """Return in one line where a submission comes from."""
     known = dict(submission.provenance)
-    commit, versions = known.pop("commit", None), known.pop("versions", {})
-    is_dirty = known.pop("dirty", False)
-    words = [f"commit {commit[:_SHORT_COMMIT]}" if commit else "no commit"]
-    words += ["with changes that are not committed"] * bool(is_dirty)
-    words += [f"{name} {value}" for name, value in {**versions, **known}.items() if name != "method"]
+    told = {**known.pop("versions", {}), **known}
+    words = [f"{name} {value}" for name, value in told.items() if name != "method"]
     return f"{submission.name} (suite {submission.version}): {', '.join(words)}"

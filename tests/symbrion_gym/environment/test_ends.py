@@ -52,8 +52,8 @@ def test_a_limit_of_the_vector_environment_is_a_timeout_and_keeps_no_progress():
 @pytest.mark.parametrize(
     ("options", "steps", "threshold"),
     [
-        ({}, 4500, 3.3),
-        ({"noise": 0.5}, 4500, 3.3),
+        ({}, 4500, 3.0),
+        ({"noise": 0.5}, 4500, 3.0),
         ({"duration": 20.0}, 1000, None),
         ({"task": sg.make_task("snake_pit")}, None, None),
     ],
