@@ -20,7 +20,7 @@ _RANDOMIZE = {
 """What differs from episode to episode: friction, strength of the hinges, start [m] and heading [rad]."""
 _LOW_FRICTION = (0.55, 0.7)
 """Where it is higher, a body whose tracks always run gets out of the pit by jerking its hinges at random."""
-_TURNED = {**_RANDOMIZE, "yaw": (-0.5, 0.5)}
+_TURNED = {**_RANDOMIZE, "yaw": (-3.14, 3.14)}
 
 
 _Entry = tuple[dict[str, Any], float]
@@ -45,7 +45,7 @@ _SPECS: dict[str, _Entry] = {
         "climb", 2.3, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.09}}
     ),
     "Traverse-v0": _task("traverse", 4.4, **_ROW, arena="gsrm"),
-    "Reach-easy-v0": _task("reach", 2.2, {"distance": 1.5}, **_LONE, sensors=(*DEFAULT_SENSORS, "goal")),
+    "Reach-easy-v0": _task("reach", 2.1, {"distance": 1.5}, **_LONE, sensors=(*DEFAULT_SENSORS, "goal")),
 }
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     f"symbrion_gym/{name}": options for name, (options, _) in _SPECS.items()
