@@ -107,6 +107,8 @@ class Arena(FrameCommand):
         rows, accuracy = _make_quality_rows(arena), _describe_accuracy(arena)
         console.show_table("Quality of the contact geometry", ["measure", "value"], rows)
         console.print_line(str(arena.verdict))
+        is_missed = self.accuracy is not None and bool(accuracy) and not accuracy["is_reached"]
+        is_good = arena.verdict.answer == "yes" and not is_missed
         return {
             "folder": self.out,
             "pieces": len(arena.pieces),
@@ -116,7 +118,7 @@ class Arena(FrameCommand):
             "accuracy": accuracy,
             "verdict": arena.verdict.as_dict(),
             "picture": self.picture,
-            "exit_code": MISSED if self.strict and arena.verdict.answer != "yes" else 0,
+            "exit_code": MISSED if self.strict and not is_good else 0,
         }
 
     def _make(self, progress: "rc.Progress") -> "sg.Arena":
