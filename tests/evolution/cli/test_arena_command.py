@@ -63,7 +63,7 @@ def test_a_missed_accuracy_is_a_warning_and_with_strict_an_exit_code(sheet, caps
     assert "at (" in caplog.text
     assert run([*words, "--strict"]) == 3
     assert (sheet.parent / "out" / "arena.json").is_file()
-    assert run(make(sheet, "--accuracy", "0.5", "--strict")) == 0
+    assert run(make(sheet, "--strict")) == 0
 
 
 def test_pictures(sheet):
