@@ -54,7 +54,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 
 
 _HARMLESS = (
-    "sensors noise sensor_noise recorders timers progress render_mode width height num_envs num_threads stretches "
+    "sensors noise sensor_noise recorders timers progress render_mode width height num_envs num_threads "
     "vectorization_mode autoreset_mode backend array device num_starts max_contacts"
 )
 """Options that leave the task of an id as it is."""

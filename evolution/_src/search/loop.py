@@ -114,7 +114,8 @@ def resume(
         allowed = set(stored.RUNTIME) - {"folder"}
         if not set(changes) <= allowed:
             raise RunError(f"{sorted(set(changes) - allowed)} cannot change in a run; {sorted(allowed)} can")
-        config = replace(stored, folder=str(folder), **changes).restore(allow)
+        # A file does not choose whom to connect to.
+        config = replace(stored, folder=str(folder), **{"address": None, **changes}).restore(allow)
         record = run_folder.read_record(config)
         if simulate is None and config.length > record.num_generations:
             _prepare(config, progress)

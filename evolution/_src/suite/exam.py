@@ -12,6 +12,8 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from threading import Timer
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -151,7 +153,7 @@ def _open_controller(task: SuiteTask, entry: Entry, allow: Collection[str]) -> I
     process.start()
     theirs.close()
     try:
-        yield _Outside(ours)
+        yield _Outside(ours, process)
     finally:
         ours.close()
         process.kill()
@@ -161,15 +163,15 @@ def _open_controller(task: SuiteTask, entry: Entry, allow: Collection[str]) -> I
 class _Outside:
     """A controller in another process: it follows `Controller`. Of what comes back nothing but numbers is read."""
 
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
+    def __init__(self, connection: Connection, process: BaseProcess) -> None:
+        self._connection, self._process = connection, process
         told = self._receive()
         try:
             name, version, *others = (json.loads(told)[each] for each in _TOLD)
             self.name, self.version = str(name), str(version)
             self.sensors, self.parameters = (tuple(map(str, each)) for each in others[:2])
             self.lower, self.upper, self.initial = (tuple(map(float, each)) for each in others[2:])
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise RunError(f"the process of the controller tells no controller: {error}") from error
 
     def begin(self, count: int) -> Bool[np.ndarray, " P"]:
@@ -189,14 +191,18 @@ class _Outside:
         return numbers.reshape(len(observation), -1), np.zeros_like(state)
 
     def _receive(self) -> bytes:
-        if not self._connection.poll(_PATIENCE):
-            raise RunError(
-                f"the process of the controller has not answered for {_PATIENCE:g} s; it was ended"
-            )
+        """Return what the process answers; one that hangs is killed, which ends the wait."""
+        timer = Timer(_PATIENCE, self._process.kill)
+        timer.start()
         try:
             return self._connection.recv_bytes(_LONGEST)
         except (EOFError, OSError) as error:
-            raise RunError("the process of the controller has ended; its error is printed above") from error
+            raise RunError(
+                f"the process of the controller has ended, or has not answered for {_PATIENCE:g} s; its error is "
+                "printed above"
+            ) from error
+        finally:
+            timer.cancel()
 
 
 def _serve(connection: Connection, source: str, body: str, num_tracks: int) -> None:

@@ -125,6 +125,7 @@ def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
 def _describe(submission: Submission) -> str:
     """Return in one line where a submission comes from."""
     known = dict(submission.provenance)
-    told = {**known.pop("versions", {}), **known}
+    versions = known.pop("versions", None)
+    told = {**(versions if isinstance(versions, dict) else {}), **known}
     words = [f"{name} {value}" for name, value in told.items() if name != "method"]
     return f"{submission.name} (suite {submission.version}): {', '.join(words)}"

@@ -13,11 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from evolution._src.backends.settings import read_organism
+from evolution._src.controllers.finding import check_genotype, find_controller
+from evolution._src.controllers.joints import count_tracks
 from evolution._src.errors import RunError
 from evolution._src.suite.tasks import BUDGET, VERSION, SuiteTask, find_suite_task
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.typed_json import JsonError, as_type, read_json
+from symbrion_gym._src.robot.body_plans import organism_to_text
 
 FORMAT = "symbrion suite submission 2"
 
@@ -87,11 +90,15 @@ def load_submission(path: Path) -> Submission:
 
 def _check_entry(entry: Entry) -> None:
     """Refuse what cannot have been found under the rules of its task."""
-    from symbrion_gym._src.robot.body_plans import organism_to_text
 
-    task, organism = find_suite_task(entry.task), read_organism(entry.body)
-    if organism_to_text(read_organism(task.body)) != organism_to_text(organism):
-        raise RunError(f"{entry.task}: the body is {entry.body!r}, and the task gives {task.body!r}")
+    task = find_suite_task(entry.task)
+    organism = read_organism(task.body)
+    plan = organism_to_text(organism)
+    if entry.body != plan:  # a body is a plan, never a file to be read
+        raise RunError(f"{entry.task}: the body is {entry.body!r}, and the task gives {plan!r}")
+    if ":" not in entry.controller:
+        tracks = count_tracks(task.make_options()["track_control"], organism.num_modules)
+        check_genotype(entry.task, entry.genotype, find_controller(entry.controller, organism, tracks))
     if not all(isfinite(value) for value in entry.genotype):
         raise RunError(f"{entry.task}: the genotype is not finite")
     if not 0.0 <= entry.seconds <= 2 * BUDGET:

@@ -72,6 +72,7 @@ RANDOM_LIMITS = {
 RANDOM_OPTIONS = tuple(RANDOM_LIMITS)
 MAX_MODULES = 50  # More than any organism in use; the time of a step grows faster than their number
 MAX_TIMESTEP = 0.02  # Contacts are not resolved by longer physics steps [s]
+MAX_TICK = 1.0  # Longest control tick [s]
 _INTERNAL = "default_"  # Options of this prefix are for registered ids; messages do not list them
 _NOT_NEGATIVE = (
     *("noise", "pit", "default_pit"),
@@ -134,6 +135,10 @@ class EnvironmentConfig:
             check_organism_options({"modules": self.modules, "organism": self.organism})
         if self.timestep > MAX_TIMESTEP:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
+        if self.timestep * self.frame_skip > MAX_TICK:
+            raise OptionError(
+                f"timestep x frame_skip is {self.timestep * self.frame_skip:g} s; at most {MAX_TICK:g} s are possible"
+            )
         check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
         if isinstance(self.start, str):
             check_choice("start", self.start, STARTS, OptionError)

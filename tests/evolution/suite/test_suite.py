@@ -132,7 +132,7 @@ def test_a_run_that_was_stopped_goes_on_and_computes_no_entry_again(tmp_path, en
         calls.append(seed)
         if seed == 2 and len(calls) == 3:
             raise KeyboardInterrupt
-        return Entry(task.name, seed, entry.body, "oscillators", (0.0,), 1.0)
+        return Entry(task.name, seed, entry.body, "oscillators", (0.0,) * 8, 1.0)
 
     pairs = [(find_suite_task(TASK), seed) for seed in (0, 1, 2)]
     with pytest.raises(KeyboardInterrupt):
@@ -192,6 +192,7 @@ class Cheat:
     def __init__(self, organism, num_tracks): self.size = len(organism.servos) + num_tracks
     def begin(self, count): return np.zeros(count)
     def act(self, observation, genotype, structure, state):
+        if genotype[0, 0] > 1.5: __import__("time").sleep(60.0)
         if genotype[0, 0] > 0.5: raise SystemExit(0)
         return np.tile(state[:, None], (1, self.size)), state + 1
 """
@@ -213,10 +214,12 @@ def test_code_of_a_submission_gives_actions_alone(entry, tmp_path, monkeypatch):
 
     own = replace(entry, controller="cheat:Cheat", genotype=(0.0,))
     ended = Submission("ended", (replace(own, genotype=(1.0,)),))
-    exam = hold_exam([Submission("cheat", (own,)), ended], 0, allow=("cheat",), simulate=act)
+    hangs = Submission("hangs", (replace(own, genotype=(2.0,)),))
+    monkeypatch.setattr(exam_module, "_PATIENCE", 5.0)
+    exam = hold_exam([Submission("cheat", (own,)), ended, hangs], 0, allow=("cheat",), simulate=act)
     assert acted[:3] == [[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]]
     assert exam.results[0].truth.successes == 0
-    assert [name for name, _ in exam.untried] == ["ended"]
+    assert [name for name, _ in exam.untried] == ["ended", "hangs"]
     assert "cheat" not in sys.modules
 
 
@@ -228,17 +231,18 @@ def job_law(job):
     ("changes", "message"),
     [
         ({"body": "SF0F0000"}, "the task gives"),
-        ({"genotype": (float("nan"),)}, "not finite"),
+        ({"genotype": (float("nan"),) * 8, "controller": "cheat:Cheat"}, "not finite"),
         ({"seconds": 1e5}, "were spent"),
         ({"task": "moon"}, "no task 'moon'"),
-        ({"body": "SBSB0000"}, "join the arm"),
+        ({"body": "/etc/hostname"}, "the task gives"),
+        ({"genotype": (0.0,) * 9}, "9 genes"),
     ],
 )
 def test_entries_that_break_a_rule_are_refused(entry, changes, message):
     with pytest.raises(RunError, match=message):
         Submission("broken", (replace(entry, **changes),))
     with pytest.raises(RunError, match="more than one entry"):
-        Submission("twice", (entry, replace(entry, genotype=(0.5,) * 10)))
+        Submission("twice", (entry, replace(entry, genotype=(0.5,) * 8)))
 
 
 def test_files_that_are_no_submission_are_refused(tmp_path, entry):
