@@ -86,7 +86,8 @@ def simulate(jobs: Sequence[Job], threads: int = 1, engine: str = "mujoco") -> l
         first = jobs[trials[0].job].trials
         controller = find_trial_controller(first)
         for environment, own_trials in _group_by_environment(first, trials, threads, engine):
-            run = _run_on_device if _is_on_device(environment) else _run_trials
+            is_on_device = getattr(environment, "array", "numpy") == "jax"
+            run = _run_on_device if is_on_device else _run_trials
             results |= run(cast(Any, environment), controller, own_trials)
     return [
         _summarize([results[index, number] for number in range(job.trials.count)])
@@ -334,11 +335,6 @@ def _check_controller(controller: Controller, environment: DeviceVectorEnv) -> N
 def _make_act(controller: Controller, environment: DeviceVectorEnv) -> Any:
     structure = environment.observation_structure
     return lambda seen, genes, state: controller.act(seen, genes, structure, state)
-
-
-def _is_on_device(environment: Any) -> bool:
-    """Return whether observations and actions of an environment stay on a device."""
-    return getattr(environment, "array", "numpy") == "jax"
 
 
 def _run_on_device(

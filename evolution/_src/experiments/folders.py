@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import filelock
 
@@ -18,19 +18,7 @@ from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.typed_json import JsonError, read_json
 
-
-class Step(Protocol):
-    """One step of the pipeline, as the command line draws it."""
-
-    seconds: float  # wall time, known when the step has ended
-
-    @property
-    def progress(self) -> Progress:
-        """The callback for the function that does the work, see `reconstruction._src.base.progress`."""
-        ...
-
-
-Track = Callable[[str], AbstractContextManager[Step]]  # Starts a step with the given title
+Track = Callable[[str], AbstractContextManager[Any]]  # Starts a step with a title, which has a `progress`
 
 
 def claim_folder(folder: Path, marker: str, options: dict[str, Any], outputs: Iterable[str]) -> None:

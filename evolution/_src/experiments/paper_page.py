@@ -88,9 +88,9 @@ def write_paper_page(folder: Path, is_quick: bool, seed: int, results: Mapping[s
     champion = figures["evolution"]["champion"]
     templates = make_templates(Path(__file__).parent)
     templates.filters |= {
-        "mm": format_mm,
-        "cost": format_cost,
-        "ratio": format_ratio,
+        "mm": lambda meters, digits=2: "-" if meters is None else f"{1000 * meters:.{digits}f}",
+        "cost": lambda cost, digits=1: f"{cost['mean']:,.{digits}f} ± {cost['deviation']:,.{digits}f}",
+        "ratio": lambda ratio: f"{ratio['ratio']:.2f} ({ratio['low']:.2f} to {ratio['high']:.2f})",
         "network": name_network,
     }
     context = {
@@ -163,21 +163,6 @@ def _load_positions(folder: Path, film: str) -> np.ndarray:
         return read_npz(path, ("positions",))["positions"]
     except UnreadableFileError as error:
         raise RunError(f"{path}: {error}; remove {folder} and repeat `symbrion paper`") from error
-
-
-def format_mm(meters: float | None, digits: int = 2) -> str:
-    """Return a distance in millimeters, or a dash."""
-    return "-" if meters is None else f"{1000 * meters:.{digits}f}"
-
-
-def format_cost(cost: Mapping[str, float], digits: int = 1) -> str:
-    """Return mean ± standard deviation."""
-    return f"{cost['mean']:,.{digits}f} ± {cost['deviation']:,.{digits}f}"
-
-
-def format_ratio(ratio: Mapping[str, float]) -> str:
-    """Return a ratio and its 95 % interval."""
-    return f"{ratio['ratio']:.2f} ({ratio['low']:.2f} to {ratio['high']:.2f})"
 
 
 def name_network(name: str) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -229,14 +229,6 @@ def _mark_unconfirmed(arena: sg.Arena, other: sg.Arena) -> sg.Arena:
     return replace(arena, unseen=tuple(sorted({*arena.unseen, *np.flatnonzero(is_off).tolist()})))
 
 
-class Way(NamedTuple):
-    """Where a robot is to drive."""
-
-    start: Place
-    goal: Place
-    places: tuple[Place, ...] = ()  # to be reached before the goal
-
-
 def choose_task(
     arenas: list[sg.Arena],
     folder: Path,
@@ -256,8 +248,7 @@ def choose_task(
     body = body or sg.snake(1)
     problem: ValueError = sg.ArenaError("no place of it is confirmed by both halves, with room around it")
     for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):
-        task = {"task": "reach", "start": way.start, "goal": way.goal, "places": way.places}
-        task |= {"track_control": "skid"}
+        task = {"task": "reach", "track_control": "skid", **way}
         try:
             for arena in arenas:
                 sg.OrganismEnv(arena=arena, organism=body, **task).reset(seed=0)
@@ -300,10 +291,13 @@ def _find_crossing(
 
 def _list_ways(
     arenas: list[sg.Arena], body: Organism, start: Place | None, goal: Place | None, rng: np.random.Generator
-) -> Iterator[Way]:
-    """Yield ways with a corner over ground that all models confirm, the best first; or the way that is given."""
+) -> Iterator[dict[str, Any]]:
+    """Yield ways with a corner over ground that all models confirm, the best first; or the way that is given.
+
+    A way has a `start`, a `goal`, and `places` to be reached before the goal.
+    """
     if start is not None and goal is not None:
-        yield Way(start, goal)
+        yield {"start": start, "goal": goal, "places": ()}
         return
     places = _find_confirmed(arenas, body, start if start is not None else goal)
     if not len(places):
@@ -327,7 +321,7 @@ def _list_ways(
     best = np.argsort(-np.sum(lengths, axis=0)[is_good], kind="stable")[:_NUM_TRIED]
     for row in np.flatnonzero(is_good)[best]:
         first, middle, last = (tuple(np.round(each, 3).tolist()) for each in ways[row])
-        yield Way(first, last, (middle,))
+        yield {"start": first, "goal": last, "places": (middle,)}
 
 
 def _find_confirmed(arenas: list[sg.Arena], body: Organism, near: Place | None) -> Float[np.ndarray, "N 2"]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -44,7 +43,10 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     for place, drivers in result.held.items():
         text = f"The champion ({body}) holds in {drivers['champion']} of {TRIALS} fresh trials: {place}."
         page.add_verdict(text, good=drivers["champion"] >= _THRESHOLD * TRIALS)
-    page.add_section("The way", _describe_way(config))
+    places = [config.start, *dict(config.environment).get("places", ()), config.goal]
+    named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
+    way = f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."
+    page.add_section("The way", way)
     page.add_figure(
         to_png(
             draw_arena(arena, ("surface", "drivable", "route"), ground, route, organism, has_plan=True),
@@ -88,13 +90,6 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
         f"symbrion replay {folder}/run --arena {folder}/{'other' if result.other else 'arena'} --video champion.mp4",
     ])  # fmt: skip
     page.write(result.page)
-
-
-def _describe_way(config: Any) -> str:
-    """Return where the way leads."""
-    places = [config.start, *dict(config.environment).get("places", ()), config.goal]
-    named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
-    return f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."
 
 
 def _make_route(positions: np.ndarray, height: float) -> DrivingRoute:

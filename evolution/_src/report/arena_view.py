@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -258,20 +258,16 @@ def _add_route(axes: Axes, view: View, pixels: Pixels, route: DrivingRoute) -> N
     """Draw path, start and goal; dotted where the surface hides them."""
     path = np.add(route.path, [0.0, 0.0, LIFT])
     seen = view.project(path) / [OVERSAMPLING, OVERSAMPLING, 1.0]
-    is_seen = _is_seen(seen, pixels)
+    columns, rows = (OVERSAMPLING * seen[:, :2].T).astype(np.int64)
+    last_row, last_column = np.array(pixels.height.shape) - 1
+    heights = pixels.height[np.clip(rows, 0, last_row), np.clip(columns, 0, last_column)]
+    is_seen = seen[:, 2] > heights - BEHIND
     axes.plot(seen[:, 0], seen[:, 1], ":", color=ROUTE_COLOR, linewidth=1.2)
     for part in np.split(np.arange(len(path)), np.flatnonzero(np.diff(is_seen)) + 1):
         if is_seen[part[0]]:
             axes.plot(seen[part, 0], seen[part, 1], color=ROUTE_COLOR, linewidth=2.0)
     for index, (marker, size, color, _) in zip((-1, 0), ENDS, strict=True):
         axes.plot(*seen[index, :2], marker, color=color, markersize=size, markeredgecolor=ROUTE_COLOR)
-
-
-def _is_seen(seen: Float[np.ndarray, "N 3"], pixels: Pixels) -> Bool[np.ndarray, " N"]:
-    rows, columns = ((OVERSAMPLING * seen[:, axis]).astype(np.int64) for axis in (1, 0))
-    rows = np.clip(rows, 0, pixels.height.shape[0] - 1)
-    columns = np.clip(columns, 0, pixels.height.shape[1] - 1)
-    return seen[:, 2] > pixels.height[rows, columns] - BEHIND
 
 
 def _make_legend(

@@ -78,9 +78,9 @@ MARK_COLOR = "#d1242f"
 EDGE_COLOR = "#3a4a5c"
 INK_COLOR = "#1d2530"
 SURFACE_COLOR = "#c9d6e4"
+SECTION_Y = 0.1  # Where a section lies, beside the middle of the course [m]
 SECTION_HALF_WIDTH = 0.03  # Points up to this distance from a section are drawn on it [m]
 WIDTH = 1000  # Of pictures of meshes [pixel]
-_BEHIND = 0.01  # Points this far behind a surface are still drawn [m]
 
 
 def draw_cloud(
@@ -106,14 +106,11 @@ def draw_cloud(
     return figure
 
 
-def draw_surface(
-    mesh: trimesh.Trimesh,
-    points: Float[np.ndarray, "N 3"] | None = None,
-    bounds: Float[np.ndarray, "2 3"] | None = None,
-) -> Figure:
-    """Draw a shaded mesh with its edges, or in its own colors without them, and some points of the cloud."""
+def draw_surface(mesh: trimesh.Trimesh, bounds: Float[np.ndarray, "2 3"] | None = None) -> Figure:
+    """Draw a shaded mesh with its edges, or in its own colors without them."""
     triangles, own = np.asarray(mesh.triangles), find_vertex_colors(mesh)
-    view = make_view(_list_corners(mesh.bounds if bounds is None else bounds), *VIEW, OVERSAMPLING * WIDTH)
+    corners = np.stack(np.meshgrid(*(mesh.bounds if bounds is None else bounds).T), axis=-1).reshape(-1, 3)
+    view = make_view(corners, *VIEW, OVERSAMPLING * WIDTH)
     pixels = rasterize(triangles, view, is_culled=False)
     if own is None:
         picture = shade_pixels(pixels, triangles, np.array(to_rgb(SURFACE_COLOR)))
@@ -122,13 +119,7 @@ def draw_surface(
         picture = shade_pixels(
             pixels, triangles, own[np.asarray(mesh.faces)].mean(axis=1)[pixels.face] / WHITE
         )
-    shown = reduce_samples(picture)
-    if points is not None:
-        seen = view.project(points[:: max(1, len(points) // 3000)])
-        columns, rows = np.clip(seen[:, :2].astype(np.int64), 0, [view.width - 1, view.height - 1]).T
-        is_seen = seen[:, 2] > pixels.height[rows, columns] - _BEHIND
-        shown[rows[is_seen] // OVERSAMPLING, columns[is_seen] // OVERSAMPLING] = to_rgb(PALETTE[1])
-    return _show(shown)
+    return _show(reduce_samples(picture))
 
 
 def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> Figure:
@@ -140,10 +131,6 @@ def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> Figure:
     colors = np.array(mpl.colormaps["tab20"].colors)  # pyright: ignore[reportAttributeAccessIssue]
     picture = shade_pixels(pixels, triangles, colors[labels[pixels.face] % len(colors)])
     return _show(reduce_samples(draw_outlines(picture, np.append(labels, -1)[pixels.face])))
-
-
-def _list_corners(bounds: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "8 3"]:
-    return np.stack(np.meshgrid(*bounds.T), axis=-1).reshape(-1, 3)
 
 
 def _show(picture: Float[np.ndarray, "H W 3"]) -> Figure:
@@ -158,8 +145,6 @@ def _show(picture: Float[np.ndarray, "H W 3"]) -> Figure:
 def draw_section(
     meshes: Mapping[str, trimesh.Trimesh | Sequence[trimesh.Trimesh]],
     points: Float[np.ndarray, "N 3"] | None = None,
-    y: float = 0.1,
-    x_limits: tuple[float, float] = (-1.0, 1.0),
     marked: Float[np.ndarray, "M 3"] | None = None,
 ) -> Figure:
     """Draw a vertical section along the course: every surface as a line, the points near it as dots."""
@@ -170,17 +155,17 @@ def draw_section(
         (marked, 7, MARK_COLOR, "mixed pixels"),
     ):
         if cloud is not None:
-            near = cloud[np.abs(cloud[:, 1] - y) < SECTION_HALF_WIDTH]
+            near = cloud[np.abs(cloud[:, 1] - SECTION_Y) < SECTION_HALF_WIDTH]
             look = {"s": size, "c": color, "linewidths": 0, "rasterized": True, "zorder": 3}
             axes.scatter(near[:, 0], near[:, 2], label=label, **look)
     for index, (label, group) in enumerate(meshes.items()):
         parts = [group] if isinstance(group, trimesh.Trimesh) else list(group)
-        cuts = [_cut(part, y) for part in parts]
+        cuts = [_cut(part, SECTION_Y) for part in parts]
         lines = np.concatenate(cuts) if cuts else np.zeros((0, 2, 2))
         color = PALETTE[index % len(PALETTE)]
         width = max(0.9, 2.4 - 0.75 * index)  # lines drawn later do not hide the earlier ones
         axes.add_collection(LineCollection(list(lines), colors=color, linewidths=width, label=label))
-    axes.set(xlim=x_limits, xlabel="x [m]", ylabel="z [m]", aspect="equal")
+    axes.set(xlim=(-1.0, 1.0), xlabel="x [m]", ylabel="z [m]", aspect="equal")
     ground = [group.vertices[:, 2] for group in meshes.values() if isinstance(group, trimesh.Trimesh)]
     if ground:
         heights = np.concatenate(ground)

@@ -46,17 +46,15 @@ class Scene:
         """Add a point cloud [m], colored by height; every n-th point is shown, `limit` at most."""
         shown = points[:: max(1, -(-len(points) // limit))]
         marker = {"size": 1.6, "color": _round(shown[:, 2]), "colorscale": "Viridis"}
-        self._add(name, [_make_trace("scatter3d", **_to_xyz(shown), mode="markers", marker=marker)], is_shown)
+        trace = {"type": "scatter3d", **_to_xyz(shown), "mode": "markers", "marker": marker}
+        self._add(name, [trace], is_shown)
 
     def add_surface(self, name: str, mesh: trimesh.Trimesh, color: str, is_shown: bool = True) -> None:
         """Add a mesh with its edges, or in its own colors without them."""
         traces = [_make_mesh_trace(mesh, color)]
         if find_vertex_colors(mesh) is None:
-            lines, look = (
-                _join(np.asarray(mesh.vertices)[mesh.edges_unique]),
-                {"color": EDGE_COLOR, "width": 1},
-            )
-            traces.append(_make_trace("scatter3d", **_to_xyz(lines), mode="lines", line=look))
+            lines, look = _join(mesh.vertices[mesh.edges_unique]), {"color": EDGE_COLOR, "width": 1}
+            traces.append({"type": "scatter3d", **_to_xyz(lines), "mode": "lines", "line": look})
         self._add(name, traces, is_shown)
 
     def add_pieces(self, name: str, pieces: Sequence[trimesh.Trimesh], is_shown: bool = True) -> None:
@@ -68,10 +66,10 @@ class Scene:
     def add_path(self, name: str, positions: Float[np.ndarray, "T modules 3"], is_shown: bool = True) -> None:
         """Add the path of a body: a line for the head, and the whole body at several times."""
         line = {"color": PALETTE[1], "width": 4}
-        head = _make_trace("scatter3d", **_to_xyz(positions[::PATH_STEP, 0]), mode="lines", line=line)
+        head = {"type": "scatter3d", **_to_xyz(positions[::PATH_STEP, 0]), "mode": "lines", "line": line}
         shown = positions[np.linspace(0, len(positions) - 1, SNAPSHOTS).astype(int)]
         look = {"line": {"color": BODY_COLOR, "width": 3}, "marker": {"size": 4, "color": PALETTE[1]}}
-        bodies = _make_trace("scatter3d", **_to_xyz(_join(shown)), mode="lines+markers", **look)
+        bodies = {"type": "scatter3d", **_to_xyz(_join(shown)), "mode": "lines+markers", **look}
         self._add(name, [head, bodies], is_shown)
 
     def switches(self) -> list[dict[str, Any]]:
@@ -126,13 +124,8 @@ def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
     else:
         look = {"vertexcolor": ["#" + bytes(rgb).hex() for rgb in own]}
     lighting = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0}
-    return _make_trace(
-        "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, lighting=lighting, **look
-    )
-
-
-def _make_trace(kind: str, **values: Any) -> Trace:
-    return {"type": kind, **values}
+    look |= {"i": i, "j": j, "k": k, "lighting": lighting}
+    return {"type": "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), **look}
 
 
 def _join(lines: Float[np.ndarray, "L P 3"]) -> Float[np.ndarray, "N 3"]:

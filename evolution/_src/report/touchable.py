@@ -31,13 +31,8 @@ def find_touchable(arena: sg.Arena) -> tuple[Float[np.ndarray, "F 3 3"], Int[np.
     triangles, labels = np.asarray(parts[0])[faces], labels[origin]
     nearest = find_signed_nearest(triangles.mean(axis=1), arena.surface)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    is_front = (nearest.heights > _IN_FRONT) | (_compute_cosines(normals, nearest.normals) > _ALIKE)
+    lengths = np.linalg.norm(normals, axis=1) * np.linalg.norm(nearest.normals, axis=1)
+    cosines = (normals * nearest.normals).sum(axis=1) / np.maximum(lengths, np.finfo(float).tiny)
+    is_front = (nearest.heights > _IN_FRONT) | (cosines > _ALIKE)
     is_front &= compute_depths(triangles.mean(axis=1), arena.pieces) < _HIDDEN
     return triangles[is_front], labels[is_front]
-
-
-def _compute_cosines(
-    one: Float[np.ndarray, "F 3"], other: Float[np.ndarray, "F 3"]
-) -> Float[np.ndarray, " F"]:
-    lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
-    return (one * other).sum(axis=1) / np.maximum(lengths, np.finfo(float).tiny)

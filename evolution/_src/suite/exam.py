@@ -127,7 +127,7 @@ def _examine(name: str, entry: Entry, seed: int, allow: Collection[str], backend
     scan = make_exam_scan(task.arena, task.truth, seed)
     with _open_controller(task, entry, allow) as controller:
         scores = []
-        for arena in (scan, task.find_truth()):
+        for arena in (scan, task.truth or make_true_arena(task.arena)):
             trials = task.make_trials(arena, entry.body, controller, TRIALS, (seed,))
             outcome = backend.run([Job(np.asarray(entry.genotype, dtype=float), trials)])[0]
             if outcome.error:

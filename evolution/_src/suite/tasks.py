@@ -70,10 +70,6 @@ class SuiteTask:
         """Return the scanned arena that a method may use."""
         return str(find_published_arena(self.arena)) if self.arena in COURSES else self.arena
 
-    def find_truth(self) -> ArenaSource:
-        """Return the exact arena, which judges alone."""
-        return make_true_arena(self.arena) if self.truth is None else self.truth
-
 
 SUITE: tuple[SuiteTask, ...] = (
     SuiteTask("pit, 8 in a row", "gsrm", 8, "truth", {"task": "cross_gap", "start": "pit", "duration": 30.0}),

@@ -68,7 +68,8 @@ def as_type(content: Any, kind: type[T], where: str = "", *, others_allowed: boo
     except msgspec.ValidationError as error:
         raise JsonError(_describe(error, where)) from error
     except UnicodeEncodeError:  # text that is no Unicode, where msgspec wants none
-        return as_type(_replace_surrogates(content), kind, where, others_allowed=others_allowed)
+        content = json.loads(json.dumps(content, ensure_ascii=False).encode("utf-8", "replace"))
+        return as_type(content, kind, where, others_allowed=others_allowed)
     if not others_allowed:
         _refuse_unknown(content, value, where)
     return value
@@ -80,10 +81,6 @@ def _describe(error: msgspec.ValidationError, where: str) -> str:
     field = f"{where}{path[:-1]}".lstrip(".") if what else where
     what = (what or path).replace("Object missing required field", "lacks the field")
     return f"{field}: {what}" if field else what
-
-
-def _replace_surrogates(content: Any) -> Any:
-    return json.loads(json.dumps(content, ensure_ascii=False).encode("utf-8", "replace"))
 
 
 def _refuse_unknown(content: Any, value: Any, where: str) -> None:

@@ -301,8 +301,6 @@ def _fit(
     chunk: int,
 ) -> Float[jax.Array, "V 3"]:
     """Repeat the step; all lengths in mean edges. Only whole meshes need an order."""
-
-    def iterate(_, positions):
-        return fit_once(positions, ring, samples, _CONFIG, chunk, is_movable)
-
-    return jax.lax.fori_loop(0, iterations, iterate, vertices)
+    return jax.lax.fori_loop(
+        0, iterations, lambda _, at: fit_once(at, ring, samples, _CONFIG, chunk, is_movable), vertices
+    )

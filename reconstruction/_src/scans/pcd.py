@@ -140,10 +140,6 @@ def _read_ascii(file: BoundedFile, header: _Header) -> RawPoints:
     return raw._replace(colors=as_colors(point_rows.unpack_rgb(packed)))
 
 
-def _read_binary(file: BoundedFile, header: _Header) -> RawPoints:
-    return point_rows.read_records(file, header.record, header.num_points)
-
-
 def _read_compressed(file: BoundedFile, header: _Header) -> RawPoints:
     import lzf  # C, and rarely needed
 
@@ -164,4 +160,8 @@ def _read_compressed(file: BoundedFile, header: _Header) -> RawPoints:
     return RawPoints(points, as_colors(point_rows.unpack_rgb(columns[3])) if len(columns) > 3 else None)
 
 
-_READERS = {"ascii": _read_ascii, "binary": _read_binary, "binary_compressed": _read_compressed}
+_READERS = {
+    "ascii": _read_ascii,
+    "binary": lambda file, header: point_rows.read_records(file, header.record, header.num_points),
+    "binary_compressed": _read_compressed,
+}

@@ -122,7 +122,9 @@ def _find_box(
     if not len(top.planes):
         return piece
     plane = top.planes[int(np.argmax(top.counts))]
-    frame = _make_frame(plane[:3])
+    first = np.cross([0.0, 1.0, 0.0], plane[:3])
+    first /= np.linalg.norm(first)
+    frame = np.column_stack([first, np.cross(plane[:3], first), plane[:3]])  # the third axis is the normal
     corners = np.asarray(piece.vertices)
     is_on_top = np.abs(corners @ plane[:3] + plane[3]) < _ON_TOP
     outline = compute_hull_outline(corners[is_on_top] @ frame[:, :2]) if is_on_top.sum() >= 3 else None
@@ -139,13 +141,6 @@ def _find_box(
         if best is not None and min(moves) < np.inf:
             return best
     return piece
-
-
-def _make_frame(normal: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """Return axes in columns, the third along the normal."""
-    first = np.cross([0.0, 1.0, 0.0], normal)
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(normal, first), normal])
 
 
 def _make_box(

@@ -117,11 +117,6 @@ _CONTACT_UNCOVERED = 0.01  # Likewise where more than this share of the surface 
 _CONTACT_OPACITY = 0.35  # How much of the surface contact hides, from 0 to 1
 
 
-def shows_contact(quality: ArenaQuality) -> bool:
-    """Return whether the contact of an arena differs visibly from its surface."""
-    return quality.p95 > _CONTACT_GAP or quality.uncovered > _CONTACT_UNCOVERED
-
-
 def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
     """Add sky, soft light and room for images of the given size [pixel] to a model under construction."""
     spec.add_texture(
@@ -174,7 +169,7 @@ class SceneRenderer:
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
         self._option.geomgroup[[0, VISUAL_GROUP, SURFACE_GROUP]] = 1
-        if quality is not None and shows_contact(quality):
+        if quality is not None and (quality.p95 > _CONTACT_GAP or quality.uncovered > _CONTACT_UNCOVERED):
             self._option.geomgroup[CONTACT_GROUP] = 1
             model.geom_rgba[model.geom_group == CONTACT_GROUP, 3] = _CONTACT_OPACITY
         self._option.sitegroup[:] = 0

@@ -191,7 +191,8 @@ class FarEnd(PassFinish):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_share(self.share)
+        if not 0.0 < self.share <= 1.0:
+            raise TaskError(f"share must be above 0, up to 1, got {self.share!r}")
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
         """Find the straight way over the ground and where it ends."""
@@ -209,9 +210,3 @@ class FarEnd(PassFinish):
         end = s[ends[0]] if len(ends) else s[-1]
         room = end - organism.scout.arm_reach - tail - route.start
         return replace(route, finish=float(route.start - tail + self.share * max(room + tail, 0.0)), pit=None)
-
-
-def check_share(share: float) -> None:
-    """Refuse what is no share of something to be done."""
-    if not 0.0 < share <= 1.0:
-        raise TaskError(f"share must be above 0, up to 1, got {share!r}")

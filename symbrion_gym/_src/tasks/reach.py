@@ -121,18 +121,15 @@ class ReachPlaces:
         corners, tolerance = self._recall(state)[0], self.find_tolerance(state.organism)
 
         def is_about(rows: Int[Any, " M"]) -> Bool[Any, " M"]:
+            # How far the farthest module is from the middle when the body lies straight [m].
+            modules = np.array([(pose.x, pose.y) for pose in state.organism.compute_poses()])
+            size = float(np.linalg.norm(modules - modules.mean(axis=0), axis=1).max())
             offset = state.position[rows, :, :2] - corners[rows, -1][:, None]
             away = state.xp.linalg.norm(offset, axis=2).max(axis=1)
-            return (away <= tolerance + _compute_size(state.organism)) & find_standing(state, rows)
+            return (away <= tolerance + size) & find_standing(state, rows)
 
         has_arrived = (state.progress >= -tolerance) & find_honest(state)
         return state.confirm(has_arrived, is_about)
-
-
-def _compute_size(organism: Organism) -> float:
-    """Return the distance of the farthest module from the middle of the body when it lies straight [m]."""
-    places = np.array([(pose.x, pose.y) for pose in organism.compute_poses()])
-    return float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
 
 
 _STEP = 0.04  # Places before an object are tried this far apart [m]
@@ -144,7 +141,6 @@ class ObjectRoute(PathRoute):
     """A path to the front of an object."""
 
     face: tuple[float, float]  # (x, y) of the middle of its front [m]
-    front: tuple[float, float]  # (x, y) of the direction in which the front points, of length 1
 
 
 @dataclass(frozen=True)
@@ -169,20 +165,23 @@ class ReachObject(ReachPlaces):
         """Find the path to the place nearest to the front of the object that can be driven to."""
         each = find_object(arena.objects, self.site)
         face = each.position[:2] + each.reach * each.front
+        x = [pose.x for pose in organism.compute_poses()]
+        ahead = organism.scout.arm_reach + x[0] - float(np.mean(x))  # of the front dock, from the middle [m]
         error: ArenaError | None = None
         for gap in np.arange(_NEAREST, compute_length(organism), _STEP):
-            place = face + each.front * (_compute_ahead(organism) + gap)
+            place = face + each.front * (ahead + gap)
             try:
                 path = find_path(arena, organism, start, (*self.places, tuple(place.tolist())))
             except ArenaError as problem:
                 error = error or problem
                 continue
-            return ObjectRoute(**vars(path), face=_as_pair(face), front=_as_pair(each.front))
+            return ObjectRoute(**vars(path), face=(float(face[0]), float(face[1])))
         raise ArenaError(f"no way to the front of {self.site!r}: {error}")
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether the body is at the place, the head near the object and turned to it."""
-        offset, xp = _find_fronts(state)[0] - state.position[:, 0, :2], state.xp
+        fronts, xp = state.remember("object_front", _list_fronts), state.xp
+        offset = fronts - state.position[:, 0, :2]
         away = xp.linalg.norm(offset, axis=1)
         ahead = state.rotation[:, 0, 0:4:3]
         along = (offset * ahead).sum(axis=1)
@@ -191,28 +190,13 @@ class ReachObject(ReachPlaces):
         return super().has_arrived(state) & faces
 
 
-def _as_pair(place: Float[np.ndarray, " 2"]) -> tuple[float, float]:
-    return float(place[0]), float(place[1])
-
-
 def compute_length(organism: Organism) -> float:
     """Return the length of a straight body, from the tail to its front dock [m]."""
     x = [pose.x for pose in organism.compute_poses()]
     return float(max(x) - min(x)) + organism.scout.dock_reach + organism.scout.arm_reach
 
 
-def _compute_ahead(organism: Organism) -> float:
-    """Return how far the front dock of a straight body is ahead of its middle [m]."""
-    x = [pose.x for pose in organism.compute_poses()]
-    return organism.scout.arm_reach + x[0] - float(np.mean(x))
-
-
-def _find_fronts(state: TaskState) -> tuple[Float[Any, "N 2"], Float[Any, "N 2"]]:
-    """Return the middle of the front [m] and its direction, of the object of each simulation."""
-    fronts = state.remember("object_front", _list_fronts)
-    return fronts[:, 0], fronts[:, 1]
-
-
-def _list_fronts(state: TaskState) -> Float[np.ndarray, "N 2 2"]:
+def _list_fronts(state: TaskState) -> Float[np.ndarray, "N 2"]:
+    """Return the middle of the front of the object of each simulation [m]."""
     routes: list[Any] = [scene.route for scene in state.scenes]
-    return np.array([(route.face, route.front) for route in routes])
+    return np.array([route.face for route in routes])

@@ -35,7 +35,7 @@ def test_figures_show_something() -> None:
     marked = report.draw_cloud(points, marked=points[:200], bounds=np.array([[-1.0] * 3, [1.0] * 3]))
     red, green, blue = np.moveaxis(open_picture(marked).astype(int), 2, 0)
     assert ((red > 150) & (green < 90) & (blue < 110)).sum() > 50
-    open_picture(report.draw_surface(surface, points))
+    open_picture(report.draw_surface(surface))
     open_picture(report.draw_pieces(course.pieces()))
     open_picture(report.draw_section({"truth": surface, "pieces": course.pieces()}, points))
     open_picture(report.draw_learning_curve(np.arange(3), np.arange(3.0), np.zeros(3)))

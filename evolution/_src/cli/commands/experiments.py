@@ -75,7 +75,7 @@ class Demo(Experiment):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Train(FrameCommand):
+class Train(FrameCommand, Experiment):
     """Make a robot drive in any scan: two models of two halves of the readings, a verdict, a way, a champion, a page.
 
     A controller evolves from zero in the first model and is judged in the other one. The same command again goes on
@@ -95,12 +95,9 @@ class Train(FrameCommand):
     organism: str | None = None
     """The body: a number of modules in a row, a body plan, or the name or file of one. Default: a lone Scout, or a row
     that crosses the gap between --start and --goal."""
-    workers: int = os.cpu_count() or 1
-    """Threads; the results do not depend on their number."""
 
     def check(self) -> None:
         super().check()
-        require_writable_folder(self.out, "--out")
         if not self.scan.is_dir():
             require_file(self.scan, "SCAN")
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from itertools import islice, pairwise, product
+from itertools import chain, islice, pairwise, product, repeat
 from math import ceil
 from typing import NamedTuple
 
@@ -74,20 +74,12 @@ def make_algorithm(config: BodyEvolutionConfig) -> SurrogateSearch | ListSearch:
     rng = np.random.default_rng((config.seed, *config.bodies.algorithm.encode()))
     if config.bodies.algorithm == "surrogate":
         return SurrogateSearch(config.bodies, config.learning, rng)
-    is_random = config.bodies.algorithm == "random"
-    bodies = _draw_all(config.bodies, rng) if is_random else _list_all(config.bodies)
+    if config.bodies.algorithm == "random":
+        bodies = (make_random_body(rng, limits) for limits in repeat(config.bodies.limits))
+    else:  # all, the small ones first
+        sizes = range(config.bodies.smallest, config.bodies.largest + 1)
+        bodies = chain.from_iterable(map(enumerate_bodies, sizes))
     return ListSearch(bodies, config.bodies.children, config.learning.last)
-
-
-def _draw_all(config: BodiesConfig, rng: np.random.Generator) -> Iterator[BodyGenome]:
-    while True:
-        yield make_random_body(rng, config.limits)
-
-
-def _list_all(config: BodiesConfig) -> Iterator[BodyGenome]:
-    """Yield all bodies, the small ones first."""
-    for count in range(config.smallest, config.largest + 1):
-        yield from enumerate_bodies(count)
 
 
 class ListSearch:
