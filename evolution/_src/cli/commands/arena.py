@@ -20,7 +20,6 @@ from evolution._src.cli.console import Console
 from evolution._src.cli.scan_source import FrameCommand
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count, format_distance, format_extents, format_share
-from symbrion_gym._src.contact.kinds import ACCEPTANCE_P95, UNCOVERED
 
 MISSED = 3  # Exit code where the arena is made, but is not good for a robot throughout, under `--strict`
 
@@ -175,6 +174,8 @@ def _describe_accuracy(arena: "sg.Arena") -> dict[str, Any]:
 
 def _make_quality_rows(arena: "sg.Arena") -> list[list[object]]:
     """Return measure and value of what is known about the contact geometry."""
+    from symbrion_gym._src.contact.kinds import ACCEPTANCE_P95, UNCOVERED
+
     notes, quality = arena.provenance, arena.quality
     most = notes.get("options", {}).get("max_pieces")
     pieces = f"{quality.num_pieces}{f' of at most {most}' if most else ''}"
