@@ -21,6 +21,8 @@ from evolution._src.search.record import Record
 from evolution._src.suite.exam import hold_exam
 from evolution._src.suite.submission import Entry, Submission, load_submission
 from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.robot.body_plans import organism_to_text
+from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.tasks.task import Task, read_task
 
 INTRUDER = """
@@ -180,7 +182,7 @@ def test_other_fields_run_nothing(changes, folder, mark):
 
 def test_a_submission_runs_nothing_unless_allowed_and_is_then_not_ranked(tmp_path, mark, monkeypatch):
     monkeypatch.setattr("evolution._src.suite.exam.make_exam_scan", lambda *place: "truth")
-    entry = Entry("gap, any body", 0, "snake2", "intruder:Maker", (0.0,), 1.0)
+    entry = Entry("stairs, 5 in a row", 0, organism_to_text(snake(5)), "intruder:Maker", (0.0,), 1.0)
     Submission("attack", (entry,)).save(tmp_path / "attack.json")
     exam = hold_exam([load_submission(tmp_path / "attack.json")], 0)
     assert not exam.results
@@ -212,3 +214,18 @@ def test_code_of_a_user_runs_where_it_is_allowed(tmp_path):
     with pytest.raises(RunError, match="--allow-code own_task"):
         ev.resume(folder, generations=2, simulate=toys.bowl)
     assert len(ev.resume(folder, generations=2, simulate=toys.bowl, allow=("own_task",)).history) == 2
+
+
+def test_a_run_folder_chooses_no_cluster(folder, monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        "evolution._src.search.loop.make_backend",
+        lambda kind, workers, address, simulate: seen.append(address) or sys.exit(3),
+    )
+    config = folder / "config.json"
+    content = json.loads(config.read_text())
+    content["config"] |= {"backend": "ray", "address": "ray://10.0.0.1:1", "generations": 2}
+    config.write_text(json.dumps(content))
+    with pytest.raises(SystemExit):
+        ev.resume(folder)
+    assert seen == [None]
