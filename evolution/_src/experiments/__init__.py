@@ -1,1 +1,1 @@
-"""Experiments on the whole pipeline: the demo and the paper's. Nothing in the search imports them."""
+"""Experiments on the whole pipeline: trainings, the story of the swarm, the paper. The search imports none of them."""

@@ -11,8 +11,10 @@ from typing import Any
 
 import filelock
 
-import evolution as ev
 from evolution._src.errors import RunError
+from evolution._src.search.cmaes import Run
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, resume
 from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress
@@ -75,12 +77,12 @@ def write_json(path: Path, content: Any) -> None:
         beside.write_text(json.dumps(content, indent=2) + "\n")
 
 
-def evolve_or_resume(config: ev.EvolutionConfig, progress: Progress) -> ev.Run:
+def evolve_or_resume(config: EvolutionConfig, progress: Progress) -> Run:
     """Evolve, or go on where an evolution was interrupted."""
     folder = RunFolder(Path(config.folder or ""))
     if not folder.has_run():
-        return ev.evolve(config, progress=progress)
+        return evolve(config, progress=progress)
     differences = folder.read_config().differences(config)
     if differences:
         raise RunError(f"{folder.path} is another run ({'; '.join(differences)}); name another folder")
-    return ev.resume(folder.path, workers=config.workers, progress=progress)
+    return resume(folder.path, workers=config.workers, progress=progress)

@@ -22,15 +22,19 @@ import trimesh
 from jaxtyping import Float
 from PIL import Image
 
-import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.champions.playback import ChampionPolicy
+from evolution._src.champions.playback import ChampionPolicy, Recording, judge, play
 from evolution._src.controllers.controller import make_controller
 from evolution._src.errors import RunError
 from evolution._src.experiments.folders import Track, evolve_or_resume, write_json
 from evolution._src.report.body_page import describe_machine
 from evolution._src.report.video import encode_video
+from evolution._src.search.cmaes import Run
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import load_run
+from evolution._src.search.run import load_champion
+from evolution._src.search.validation import Champion
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.typed_json import JsonError, read_json
 from reconstruction._src.surfaces.quality import compute_distances
@@ -296,7 +300,7 @@ def evolve_champion(
     folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent, workers: int = 1
 ) -> Result:
     """Evolve in the GSRM arena, or resume that run, and judge the champion there and in the true arena."""
-    wanted = ev.EvolutionConfig(
+    wanted = EvolutionConfig(
         arena=str((folder / "arenas" / "gsrm").resolve()),
         modules=MODULES,
         seed=seed,
@@ -309,7 +313,7 @@ def evolve_champion(
     assert champion is not None
     judged = {}
     for name, arena in (("gsrm", load_arena(folder, "gsrm")), ("truth", sg.load_arena("truth"))):
-        outcome = ev.judge(champion, arena, sizes.trials, seed, workers=workers)
+        outcome = judge(champion, arena, sizes.trials, seed, workers=workers)
         judged[name] = {"successes": outcome.successes, "trials": outcome.trials}
     return {
         "champion": champion.as_dict(),
@@ -326,7 +330,7 @@ def measure_physics(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Pro
     The arenas alternate run by run, so that a machine that slows down slows all of them down; run i has the same
     conditions in all of them.
     """
-    champion = ev.load_champion(folder / RUN)
+    champion = load_champion(folder / RUN)
     sensors = make_controller(champion.controller, champion.modules).sensors
     options = {
         "modules": champion.modules,
@@ -373,7 +377,7 @@ def _make_environment(arena: sg.Arena, **options: Any) -> Any:
     return made.unwrapped
 
 
-def _time_crossing(environment: Any, champion: ev.Champion, seed: int) -> Result:
+def _time_crossing(environment: Any, champion: Champion, seed: int) -> Result:
     """Time `STEPS` physics steps from when the head is above the pit; then continue until the body has crossed."""
     policy = ChampionPolicy(champion, environment.observation_structure)
     observation, _ = environment.reset(seed=seed, options=CONDITIONS)
@@ -509,7 +513,7 @@ def measure_laser(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progr
 
 def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
     """Film robots in the true arena (Fig. 7): an insufficiently evolved one, one that is too short, the champion."""
-    run = ev.load_run(folder / RUN)
+    run = load_run(folder / RUN)
     champion = run.champion
     assert champion is not None
     robots = {
@@ -521,7 +525,7 @@ def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progres
     (folder / "films").mkdir(exist_ok=True)
     for index, (name, robot) in enumerate(robots.items()):
         progress(name, index / len(robots))
-        film = ev.play(robot, truth, seed, film=True, speed=FILM_SPEED, fps=FILM_RATE)
+        film = play(robot, truth, seed, film=True, speed=FILM_SPEED, fps=FILM_RATE)
         figures[name] = {
             "modules": robot.modules,
             "success": film.success,
@@ -540,7 +544,7 @@ def select_frames(positions: Float[np.ndarray, "ticks modules 3"], num_frames: i
     return np.clip(ticks / max(last, 1) * (num_frames - 1), 0, num_frames - 1).round().astype(int).tolist()
 
 
-def _save_film(folder: Path, name: str, film: ev.Recording) -> list[float]:
+def _save_film(folder: Path, name: str, film: Recording) -> list[float]:
     """Save positions, and where there are images video and three frames; return the times of these [s]."""
     with write_atomically(folder / f"{name}.npz") as beside:
         np.savez_compressed(beside, positions=film.positions)
@@ -577,7 +581,7 @@ def compute_ratio(costs: Sequence[float], reference: Sequence[float], seed: int 
     return {"ratio": float(mean[0] / mean[1]), "low": float(low), "high": float(high)}
 
 
-def find_insufficient(run: ev.Run) -> ev.Champion:
+def find_insufficient(run: Run) -> Champion:
     """Return an insufficiently evolved robot: of those of the first generation that did not cross, the median one."""
     assert run.champion is not None
     first = [entry for entry in run.record.entries if entry.generation == 0]

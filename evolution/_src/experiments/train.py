@@ -15,13 +15,15 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.backends.settings import read_organism
+from evolution._src.backends.settings import Randomization, read_organism
+from evolution._src.champions.playback import judge
 from evolution._src.errors import RunError
 from evolution._src.experiments.folders import claim_folder, evolve_or_resume, lock_folder
 from evolution._src.experiments.training import TRIALS, Training
+from evolution._src.search.cmaes import Run
+from evolution._src.search.config import EvolutionConfig
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.surfaces.far_faces import select_faces
@@ -42,18 +44,16 @@ OUTPUTS = (*HALVES, RUN, PAGE)
 GENERATIONS = 30
 _SITE = 20.0  # Edge of the square of a larger scan that is used, about its middle [m]: a Scout drives 10 m in 100 s
 _SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
-_AGREE = (
-    0.02  # Models that are this near to each other confirm each other [m], as contact does that holds a robot
-)
-_LOCALIZED = ev.Randomization(start_offset=(-0.02, 0.02), yaw=(-0.0175, 0.0175), stretch=(1.0,))
+_AGREE = 0.02
+"""Models that are this near to each other confirm each other [m], as contact does that holds a robot."""
+_LOCALIZED = Randomization(start_offset=(-0.02, 0.02), yaw=(-0.0175, 0.0175), stretch=(1.0,))
 """Conditions of trials on a way: the robot knows where it starts to 2 cm and 1 degree, twice what the laser scans of
 the paper of 2011 tell. From there on it has its own tracks alone. Errors of the scan are those between the halves."""
 _LEGS = ((0.35, 0.8), (0.3, 0.4))
 """Shortest and longest first and second leg of a way that is chosen [m]: after a turn tracks alone know the heading to
 about a tenth of it."""
-_TURN = np.deg2rad(
-    [60.0, 75.0]
-)  # Least and most turn between them [rad]: who drives straight on does not arrive
+_TURN = np.deg2rad([60.0, 75.0])
+"""Least and most turn between them [rad]: who drives straight on does not arrive."""
 _SNAP = 0.05  # Corners lie at most so far from a place of the map [m]
 _NUM_WAYS, _NUM_TRIED = 5_000, 20  # Ways that are drawn, and of which so many are tried in the environment
 _MODULES = (2, 12)  # Least and most modules of a row that crosses a gap
@@ -237,14 +237,14 @@ def choose_task(
     goal: Place | None,
     seed: int,
     workers: int,
-) -> ev.EvolutionConfig:
+) -> EvolutionConfig:
     """Return the run that learns the site: to follow a way on ground that all models confirm, or to cross a gap."""
     common: dict[str, Any] = {"arena": str((folder / HALVES[0]).resolve()), "seed": seed, "workers": workers}
     common |= {"folder": str(folder / RUN), "generations": GENERATIONS}
     crossing = _find_crossing(arenas, body, start, goal)
     if crossing is not None:
         task = {} if start is None else {"task": "cross_gap", "start": start}
-        return ev.EvolutionConfig(organism=crossing, **task, **common)
+        return EvolutionConfig(organism=crossing, **task, **common)
     body = body or sg.snake(1)
     problem: ValueError = sg.ArenaError("no place of it is confirmed by both halves, with room around it")
     for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):
@@ -255,7 +255,7 @@ def choose_task(
         except ValueError as error:
             problem = error
         else:
-            return ev.EvolutionConfig(
+            return EvolutionConfig(
                 organism=body, controller="posture", randomization=_LOCALIZED, **task, **common
             )
     raise RunError(f"no way in {folder / HALVES[0]}: {problem}; give --start and --goal, or scan more ground")
@@ -342,7 +342,7 @@ def _find_confirmed(arenas: list[sg.Arena], body: Organism, near: Place | None) 
     return first.positions[chosen, :2]
 
 
-def judge_in(arena: sg.Arena, run: ev.Run, seed: int, workers: int) -> dict[str, int]:
+def judge_in(arena: sg.Arena, run: Run, seed: int, workers: int) -> dict[str, int]:
     """Return how often the champion, a robot that does nothing and one that drives straight on hold in an arena."""
     champion, randomization = run.champion, replace(run.config.randomization, stretch=(1.0,))
     if champion is None:
@@ -352,7 +352,7 @@ def judge_in(arena: sg.Arena, run: ev.Run, seed: int, workers: int) -> dict[str,
     if "track_speed_change" in straight:
         drivers["doing nothing"] = tuple((straight | {"track_speed_change": -1.0}).values())
     return {
-        name: ev.judge(
+        name: judge(
             replace(champion, genotype=genotype),
             arena,
             TRIALS,

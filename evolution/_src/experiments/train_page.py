@@ -7,8 +7,8 @@ import shlex
 import numpy as np
 import trimesh
 
-import evolution as ev
 import symbrion_gym as sg
+from evolution._src.champions.playback import play
 from evolution._src.experiments.training import TRIALS, Training
 from evolution._src.report.arena_view import draw_arena
 from evolution._src.report.body_page import describe_machine
@@ -28,7 +28,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     run, arena, config = result.run, result.arena, result.run.config
     champion = run.champion
     assert champion is not None
-    film = ev.play(champion, judged_in, seed, film=True)
+    film = play(champion, judged_in, seed, film=True)
     body, where = format_count(champion.modules, "module"), list(result.held)[-1]
     organism = champion.find_organism()
     ground, route = arena.traversability(organism), _make_route(film.positions, organism.scout.size[2])

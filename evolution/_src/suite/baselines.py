@@ -25,10 +25,9 @@ from symbrion_gym._src.robot.body_plans import organism_to_text
 POPULATION = 8  # Genotypes of a generation
 SIGMA = 0.5  # Initial step size of CMA-ES, and spread of random genotypes
 LEARNING_SEED = 22  # Of the conditions while learning, with the number of the generation
-SEARCH_SHARE = (
-    0.8  # Of the budget; with the rest the best genotypes are tried again, as one trial is mostly luck
-)
-FINALISTS, FINAL_TRIALS = 5, 5
+SEARCH_SHARE = 0.8
+"""Of the budget; with the rest the best genotypes are tried again, as one trial is mostly luck."""
+FINALISTS, FINAL_TRIALS = 5, 5  # The fittest genotypes of the search, and how often each is tried again
 
 
 class Practice:

@@ -47,7 +47,7 @@ class Submission:
 
     name: str  # name of the method
     entries: tuple[Entry, ...]  # what it has found
-    provenance: Mapping[str, Any] = field(default_factory=dict)  # versions, commit, command
+    provenance: Mapping[str, Any] = field(default_factory=dict)  # versions, machine, method, budget
     version: str = VERSION  # of the suite
 
     def __post_init__(self) -> None:

@@ -90,7 +90,7 @@ def test_crossings_are_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         controller="reactive",
         arena="simple",
     )
-    monkeypatch.setattr(ev, "load_champion", lambda folder: champion)
+    monkeypatch.setattr(paper, "load_champion", lambda folder: champion)
     monkeypatch.setattr(
         paper, "RECIPES", {"simple": paper.RECIPES["simple"], "boxes": paper.RECIPES["boxes"]}
     )

@@ -47,7 +47,7 @@ def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: p
         raise AssertionError("done again")
 
     monkeypatch.setattr(training, "_make_model", refuse)
-    monkeypatch.setattr(ev, "evolve", refuse)
+    monkeypatch.setattr("evolution._src.experiments.folders.evolve", refuse)
     again = ev.train(make_scan(), tmp_path / "mine", workers=1)
     assert (again.held, again.run.champion) == (result.held, result.run.champion)
     with pytest.raises(ev.RunError, match=r"other options \(scan\)"):

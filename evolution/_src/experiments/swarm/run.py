@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-import evolution as ev
 import symbrion_gym as sg
+from evolution._src.errors import RunError
 from evolution._src.experiments.folders import Track as Steps
 from evolution._src.experiments.folders import claim_folder, evolve_or_resume, write_json
 from evolution._src.experiments.swarm.story import StoryConfig, tell_story
+from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.run import load_champion
+from evolution._src.search.validation import Champion
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.progress import Progress
@@ -47,7 +49,7 @@ def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[st
     arena, path = sg.load_arena(config.story.arena), config.folder / "track.npz"
     results = _read(config.folder / RESULTS) or []
     if not isinstance(results, list):
-        raise ev.RunError(f"{config.folder / RESULTS} holds no stories; remove it to tell them again")
+        raise RunError(f"{config.folder / RESULTS} holds no stories; remove it to tell them again")
     with steps("1/3 champion") as step:
         champion = find_champion(config, step.progress)
     baseline = replace(config.story, docks=False, gather_time=BASELINE_TIME)
@@ -63,22 +65,22 @@ def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[st
             write_json(config.folder / RESULTS, results)
     arrays = read_npz(path)
     if set(arrays) != set(Track._fields):
-        raise ev.RunError(f"{path} is no track of a swarm; remove it to tell the story again")
+        raise RunError(f"{path} is no track of a swarm; remove it to tell the story again")
     return Track(**arrays), results
 
 
-def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
+def find_champion(config: SwarmRunConfig, progress: Progress) -> Champion:
     """Return the champion that crosses: a given one, or one that evolves in the arena; its run can be resumed."""
     story, folder = config.story, config.folder / "run"
     if config.champion is not None:
         champion = load_champion(config.champion).restore(config.allow)
         if champion.find_organism() != sg.snake(story.num_robots):
-            raise ev.RunError(
+            raise RunError(
                 f"the champion {config.champion} is no snake of {story.num_robots} modules; give --robots as its body "
                 "has, or another champion"
             )
         return champion
-    search = ev.EvolutionConfig(
+    search = EvolutionConfig(
         arena=story.arena,
         modules=story.num_robots,
         seed=story.seed,
@@ -88,7 +90,7 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
     )
     run = evolve_or_resume(search, progress)
     if run.champion is None:
-        raise ev.RunError(f"no champion after {GENERATIONS} generations; give one with --champion")
+        raise RunError(f"no champion after {GENERATIONS} generations; give one with --champion")
     return run.champion
 
 
@@ -96,4 +98,4 @@ def _read(path: Path) -> Any:
     try:
         return read_json(path) if path.is_file() else None
     except JsonError as error:
-        raise ev.RunError(f"{path} is damaged ({error}); remove it, or name another folder") from error
+        raise RunError(f"{path} is damaged ({error}); remove it, or name another folder") from error
