@@ -93,8 +93,6 @@ def list_gaps() -> Iterator[Row]:
         yield _gap(base, speed)
     yield _gap(replace(base, timestep=0.001))
     yield _gap(replace(base, scout={"hinge_torque": 4.5, "track_radius": 0.01}))
-    stiff = {"hinge_torque": 4.5, "hinge_stiffness": 240.0, "hinge_derivative": 12.0}
-    yield _gap(replace(base, friction=0.3, scout=stiff))
 
 
 def _gap(world: World, speed: float = GAP_SPEED) -> Row:
@@ -118,7 +116,7 @@ def _name_speed(speed: float) -> str:
     return "" if speed == GAP_SPEED else f", speed {speed} m/s"
 
 
-_CONSTANTS = {"track_radius": "radius {} m", "hinge_stiffness": "servo {} N m/rad"}
+_CONSTANTS = {"track_radius": "radius {} m"}
 """Constants of a module that rows vary -> their words."""
 
 

@@ -55,7 +55,7 @@ def draw_gaps(rows: dict[str, Any]) -> None:
         picked = [
             row for name, row in rows.items()
             if row["modules"] == modules and "friction 0.7, 5 ms" in name
-            and not any(word in name for word in ("radius", "speed", "servo"))
+            and not any(word in name for word in ("radius", "speed"))
         ]  # fmt: skip
         axis.plot(
             [row["torque"] for row in picked],

@@ -64,8 +64,8 @@ class ScoutConfig:
     hinge_range: float = pi / 2
     hinge_torque: float = 4.5
     hinge_speed: float = 0.8
-    hinge_stiffness: float = 60.0
-    hinge_derivative: float = 3.0
+    hinge_stiffness: float = 120.0
+    hinge_derivative: float = 6.0
     hinge_armature: float = 0.01
     hinge_damping: float = 0.05
     track_speed: float = 0.10

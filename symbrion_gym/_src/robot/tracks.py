@@ -9,7 +9,7 @@ import numpy as np
 
 from symbrion_gym._src.robot.scout_constants import CONTACT_GROUP, ScoutConfig
 
-_FRICTION_STIFFNESS = (8.0, 1.5)
+_FRICTION_STIFFNESS = (12.0, 1.5)
 """Of friction against that of contacts, over the number of modules, and the least: at rest on 20° they creep by less
 than 0.1 mm/s, a few modules faster than many if it were the same for all. More of it costs more time."""
 CONTACT_TIME = 0.01
