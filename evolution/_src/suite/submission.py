@@ -23,6 +23,7 @@ from reconstruction._src.base.typed_json import JsonError, as_type, read_json
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
 FORMAT = "symbrion suite submission 2"
+_LONGEST_NAME, _MOST_ENTRIES = 80, 1000
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,10 @@ class Submission:
     version: str = VERSION  # of the suite
 
     def __post_init__(self) -> None:
+        if not 0 < len(self.name) <= _LONGEST_NAME or not self.name.isprintable():
+            raise RunError(f"a name has 1 to {_LONGEST_NAME} printable characters, got {self.name[:100]!r}")
+        if len(self.entries) > _MOST_ENTRIES:
+            raise RunError(f"a submission has at most {_MOST_ENTRIES} entries, got {len(self.entries)}")
         if self.version != VERSION:
             raise RunError(
                 f"the submission is of suite {self.version!r}, this is suite {VERSION!r}, whose tasks and budget are "
@@ -80,8 +85,7 @@ def load_submission(path: Path) -> Submission:
             raise RunError(
                 f"{path} is no submission of the format {FORMAT!r}; `symbrion bench-suite run` writes one"
             )
-        entries = tuple(as_type(each, Entry, "entries") for each in content["entries"])
-        return Submission(str(content["name"]), entries, dict(content["provenance"]), str(content["version"]))
+        return as_type(content, Submission, str(path))
     except (OSError, JsonError, KeyError, TypeError, ValueError) as error:
         if isinstance(error, RunError):
             raise
@@ -101,6 +105,8 @@ def _check_entry(entry: Entry) -> None:
         check_genotype(entry.task, entry.genotype, find_controller(entry.controller, organism, tracks))
     if not all(isfinite(value) for value in entry.genotype):
         raise RunError(f"{entry.task}: the genotype is not finite")
+    if entry.seed < 0:
+        raise RunError(f"{entry.task}: the seed is {entry.seed}; seeds begin at 0")
     if not 0.0 <= entry.seconds <= 2 * BUDGET:
         raise RunError(f"{entry.task}: {entry.seconds:.0f} s were spent, of a budget of {BUDGET:.0f} s")
 

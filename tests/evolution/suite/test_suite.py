@@ -236,6 +236,7 @@ def job_law(job):
         ({"task": "moon"}, "no task 'moon'"),
         ({"body": "/etc/hostname"}, "the task gives"),
         ({"genotype": (0.0,) * 9}, "9 genes"),
+        ({"seed": -1}, "seeds begin at 0"),
     ],
 )
 def test_entries_that_break_a_rule_are_refused(entry, changes, message):
@@ -251,9 +252,18 @@ def test_files_that_are_no_submission_are_refused(tmp_path, entry):
         load_submission(path)
     Submission("zero", (entry,)).save(path)
     content = json.loads(path.read_text())
-    for change in ({"format": "other"}, {"version": "0"}, {"entries": [{"task": TASK}]}):
+    changes = (
+        {"format": "other"},
+        {"version": "0"},
+        {"version": 3},
+        {"entries": [{"task": TASK}]},
+        {"name": "a\n"},
+    )
+    for change in (*changes, {"name": ""}, {"entries": content["entries"] * 1001}):
         path.write_text(json.dumps(content | change))
-        with pytest.raises(RunError, match=r"no submission|of suite '0'|cannot be read"):
+        with pytest.raises(
+            RunError, match=r"no submission|of suite '0'|cannot be read|printable|at most 1000"
+        ):
             load_submission(path)
 
 
