@@ -53,8 +53,11 @@ class ScanCommand(FrameCommand):
     """A subcommand that reads a scan."""
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
-    """A scan log (.npz, .3d), points (.xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .las .laz, also as
-    .gz or .bz2; .e57), a depth image (.png .tif .npy, with --intrinsics), or with --vertices a mesh."""
+    """A scan log (.npz, .3d), points (.xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .las .laz .bin,
+    also as .gz or .bz2; .e57), a depth image (.png .tif .npy, with --intrinsics), or with --vertices a mesh."""
+    classes: tuple[int, ...] = ()
+    """Classes of a .las or .laz file that are used, such as 2 (ground). Default: all but noise, water, high vegetation
+    and wires."""
     crop: Literal["auto"] | Box | None = None
     """Use only the points in this box: XMIN XMAX YMIN YMAX ZMIN ZMAX [m], in the coordinates of the file with z up.
     auto: the box without the few points far from all others."""
@@ -148,7 +151,8 @@ class ScanCommand(FrameCommand):
                 f"arenas/{self.source.stem} (--vertices reconstructs it from its vertices)"
             )
         frame = self.unit, self.up, self.scale
-        cloud = rc.load_cloud(self.source, *frame, self._max_bytes, self.viewpoint or None, any_size=True)
+        limit, seen_from, classes = self._max_bytes, self.viewpoint or None, self.classes or None
+        cloud = rc.load_cloud(self.source, *frame, limit, seen_from, any_size=True, classes=classes)
         odd = rc.describe_odd_size(cloud.points)
         if odd and not (self.unit or self.crop or self.scale != 1):
             raise UsageError(

@@ -66,7 +66,7 @@ def read_site(path: str | Path, viewpoints: ArrayLike | None = None, **frame: An
     Args:
         path: a file or folder.
         viewpoints: where the scanner stood, in the coordinates of the file with z up [m].
-        frame: unit, up and scale, as of `reconstruction.load_cloud`.
+        frame: unit, up, scale and classes, as of `reconstruction.load_cloud`.
     """
     path, given = Path(path), {name: value for name, value in frame.items() if value not in (None, 1.0)}
     if path.is_dir():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -40,6 +40,7 @@ from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 _logger = logging.getLogger(__name__)
 
 _MIN_POINTS = 3  # Fewer points span no plane
+_KITTI_RANGE = 1000.0  # Farther than any automotive laser sees [m]; other .bin files have such numbers
 _NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")  # Arrays of an .npz that go with its array ``points``
 
 
@@ -54,8 +55,8 @@ def load_points(
     and positions of the sensor as well, and keeps large coordinates exact.
 
     Args:
-        path: .xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .3d .las .laz, each also followed by .gz
-            or .bz2; .e57 .stl .off .glb .gltf .dae.
+        path: .xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .3d .las .laz .bin (KITTI), each also followed
+            by .gz or .bz2; .e57 .stl .off .glb .gltf .dae.
         unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says, meters where it does not.
         max_bytes: most bytes that the file may hold uncompressed, and its points in memory (24 bytes each); a
             larger file is refused before the memory is allocated.
@@ -77,6 +78,7 @@ def load_cloud(
     max_bytes: float = MAX_BYTES,
     viewpoints: ArrayLike | None = None,
     any_size: bool = False,
+    classes: Sequence[int] | None = None,
 ) -> Cloud:
     """Read the points of a file with their colors and the positions of the sensor, in meters and with z up.
 
@@ -85,8 +87,9 @@ def load_cloud(
     far from the origin (1 km) are moved there by whole meters, as meshes keep single precision; `Cloud.offset` is what
     was subtracted.
 
-    Rows that are not finite and points that a .las file marks as noise are dropped, their number is logged. A
-    warning is logged about a size that is none of a robot's scene.
+    Rows that are not finite are dropped, and of a .las file what a robot on the ground neither drives on nor meets:
+    noise, water, high vegetation, wires; their number is logged. A warning is logged about a size that is none of a
+    robot's scene.
 
     Args:
         path: a file of any kind that `load_points` reads. Of a mesh the vertices are the points: `load_mesh` keeps
@@ -100,6 +103,7 @@ def load_cloud(
         viewpoints: `[K, 3]` or `[3]` where the sensor stood, in meters with z up, before large coordinates are moved;
             they replace those of the file.
         any_size: do not warn about the size.
+        classes: of the points that are read of a .las or .laz file, such as 2, ground (LAS 1.4, table 17).
 
     Raises:
         ScanError: the file is absent, broken, too large, of another kind, or holds fewer than three points; there is
@@ -107,7 +111,7 @@ def load_cloud(
         MissingExtraError: the library that reads this kind is not installed.
     """
     path = Path(path)
-    raw = _read_sweeps(path, max_bytes) if find_kind(path) == ".3d" else _read_raw(path, max_bytes)
+    raw = _read_sweeps(path, max_bytes) if find_kind(path) == ".3d" else _read_raw(path, max_bytes, classes)
     cloud = _make_cloud(path, raw, unit, up, scale, viewpoints)
     odd = None if any_size else describe_odd_size(cloud.points)
     if odd:
@@ -190,7 +194,7 @@ def _make_cloud(
         _logger.warning(text, path, missed.sum(), cloud.num_points)
     if num_dropped:
         _logger.warning(
-            "%s: dropped %d rows that are not finite or marked as noise, kept %d",
+            "%s: dropped %d rows that are not finite, or of classes that are not wanted, kept %d",
             path,
             num_dropped,
             cloud.num_points,
@@ -207,9 +211,11 @@ def _find_missed(raw: RawPoints) -> Bool[np.ndarray, " N"]:
     return missed & (missed.sum() > 1)
 
 
-def _read_raw(path: Path, max_bytes: float) -> RawPoints:
+def _read_raw(path: Path, max_bytes: float, classes: Sequence[int] | None = None) -> RawPoints:
     """Read what a file holds, in its own frame; rows may hold nan."""
     kind = find_kind(path)
+    if classes is not None and kind not in (".las", ".laz"):
+        raise ScanError(f"{path}: only .las and .laz files have classes; leave out classes")
     try:
         if kind in _PATH_READERS:
             check_plain(path, kind, max_bytes)
@@ -222,7 +228,7 @@ def _read_raw(path: Path, max_bytes: float) -> RawPoints:
                         raise ScanError(f"{kind} is not read; {CONVERTERS[kind]}")
                     known = " ".join((*_READERS, *_PATH_READERS))
                     raise ScanError(f"unknown kind {kind or '(no suffix)'}; there are: {known}")
-                raw = _READERS[kind](file)
+                raw = _READERS[kind](file) if classes is None else read_las(file, classes)
     except MissingExtraError:
         raise
     except (ScanError, UnreadableFileError) as error:
@@ -252,6 +258,19 @@ def _read_npz(file: BoundedFile) -> RawPoints:
     points = _first_columns(arrays.pop(name), file)
     known = Cloud(np.zeros(points.shape), **arrays)  # refuses what does not belong together
     return RawPoints(points, known.colors, known.viewpoints, known.seen_from)
+
+
+def _read_kitti(file: BoundedFile) -> RawPoints:
+    """Read x, y, z and reflectance as float32, the scanner at the origin (Geiger et al. 2013, IJRR 32(11), table 1)."""
+    if file.size % 16:
+        raise ScanError(
+            f"{file.size} bytes are no rows of x, y, z, reflectance as float32 (KITTI); {CONVERTERS['.bin']}"
+        )
+    check_num_points(file, file.size // 16)
+    rows = np.frombuffer(file.read_exactly(file.size), "<f4").reshape(-1, 4)
+    if not (np.abs(rows[:, :3]) < _KITTI_RANGE).all():
+        raise ScanError(f"a value is no coordinate below {_KITTI_RANGE:.0f} m (KITTI); {CONVERTERS['.bin']}")
+    return RawPoints(rows[:, :3].astype(np.float64), viewpoints=np.zeros((1, 3)), meters=1.0, up="z")
 
 
 def _first_columns(array: Shaped[np.ndarray, "*axes"], file: BoundedFile) -> Float[np.ndarray, "N 3"]:
@@ -307,6 +326,7 @@ _READERS: dict[str, Callable[[BoundedFile], RawPoints]] = {
     ".3d": lambda file: RawPoints(read_3dtk_points(file), meters=1.0, has_fixed_unit=True, up="z"),
     ".las": read_las,
     ".laz": read_las,
+    ".bin": _read_kitti,
 }
 _PATH_READERS: dict[str, Callable[[Path, float], RawPoints]] = {
     ".e57": read_e57,

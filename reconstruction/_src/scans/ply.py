@@ -58,6 +58,10 @@ def read_ply(file: BoundedFile) -> RawPoints:
     missing = {*"xyz"} - vertex.types.keys() | {*"xyz"} & vertex.lists.keys()
     if missing:
         raise ScanError(f"the vertices of the .ply file have no single {', '.join(sorted(missing))}")
+    if {"opacity", "scale_0", "rot_0"} <= vertex.types.keys():
+        raise ScanError(
+            "Gaussian splats are no surface points; export a point cloud (`ns-export pointcloud`) or a mesh"
+        )
     if not byte_order:
         return _read_ascii(file, sum(element.num_rows for element in before if element.types), vertex)
     count = sum(one.num_rows * len(one.types) for one in (*before, vertex) if one.lists)

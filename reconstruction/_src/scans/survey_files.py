@@ -30,7 +30,9 @@ _MAGIC = b"LASF"
 _OLD_HEADER_BYTES, _HEADER_BYTES = 227, 375  # Bytes of the header of LAS 1.0 to 1.2, and of LAS 1.4
 _RECORD_BYTES, _EXTENDED_BYTES = 54, 60  # Of the header of a variable length record, and of an extended one
 _PACKED = 0x80  # Bit of the point format that says that the points are compressed
-_NOISE_CLASSES = (7, 18)  # LAS 1.4, table 17: low point (noise), high noise
+_NO_GROUND = (5, 7, 9, 13, 14, 15, 16, 18)
+"""Classes that a robot on the ground neither drives on nor meets (LAS 1.4, table 17): high vegetation, noise, water,
+wires and their towers, high noise. Buildings stay, as walls."""
 _MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099  # GeoTIFF 1.0: model type, units of length, height
 _DEGREES = 2  # Value of GTModelTypeGeoKey for longitude and latitude
 _GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # Their values -> m: meter, foot, US survey foot
@@ -44,8 +46,8 @@ _GRID = ("rowIndex", "columnIndex")
 _ROTATION_TOLERANCE = 1e-3  # How far the length of a quaternion may be from 1
 
 
-def read_las(file: BoundedFile) -> RawPoints:
-    """Read x, y, z and colors; points that the file calls noise or withheld are left out.
+def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoints:
+    """Read x, y, z and colors of some classes (None: all that a robot on the ground meets), without withheld points.
 
     The unit is that of the file's coordinate system, where it has one (GeoTIFF keys or WKT).
     """
@@ -58,7 +60,7 @@ def read_las(file: BoundedFile) -> RawPoints:
         meters, height_factor = find_las_units(header)
         colors = np.empty((count, 3), np.uint16) if _has_colors(header) else None
         num_read = num_kept = 0
-        for num_rows, rows in iterate_las(reader):
+        for num_rows, rows in iterate_las(reader, classes):
             chosen = slice(num_kept, num_kept + len(rows))
             num_read, num_kept = num_read + num_rows, chosen.stop
             points[chosen] = rows[:, :3]
@@ -92,11 +94,14 @@ def _has_colors(header: laspy.LasHeader) -> bool:
     return {*point_rows.COLORS} <= set(header.point_format.dimension_names)
 
 
-def iterate_las(reader: laspy.LasReader) -> Iterator[tuple[int, Float[np.ndarray, "N C"]]]:
-    """Yield how many points a chunk has, and x, y, z (red, green, blue) of those neither withheld nor noise."""
+def iterate_las(
+    reader: laspy.LasReader, classes: Sequence[int] | None = None
+) -> Iterator[tuple[int, Float[np.ndarray, "N C"]]]:
+    """Yield how many points a chunk has, and x, y, z (red, green, blue) of those of some classes, not withheld."""
     names = ("x", "y", "z", *(point_rows.COLORS if _has_colors(reader.header) else ()))
     for chunk in reader.chunk_iterator(CHUNK):
-        is_unusable = np.isin(np.asarray(chunk["classification"]), _NOISE_CLASSES)
+        kinds = np.asarray(chunk["classification"])
+        is_unusable = np.isin(kinds, _NO_GROUND) if classes is None else ~np.isin(kinds, classes)
         is_unusable |= np.asarray(chunk["withheld"]).astype(bool)
         columns = [np.asarray(chunk[name], dtype=np.float64)[~is_unusable] for name in names]
         yield len(is_unusable), np.stack(columns, axis=1)

@@ -329,3 +329,17 @@ def test_odd_sizes_are_described_and_others_are_not() -> None:
     assert (
         describe_odd_size(np.array([[0.0, 0, 0], [0.02, 0, 0]])) == "its longest side is 20 mm, below 10 cm"
     )
+
+
+def test_frames_of_kitti_are_read_and_other_bytes_refused(tmp_path: Path) -> None:
+    rows = np.random.default_rng(0).uniform(-50, 50, (30, 4)).astype("<f4")
+    rows[:3] = 0.0
+    (tmp_path / "0.bin").write_bytes(rows.tobytes())
+    cloud = load_cloud(tmp_path / "0.bin")
+    np.testing.assert_array_equal(cloud.points, rows[3:, :3])
+    assert cloud.viewpoints is not None
+    assert not cloud.viewpoints.any()
+    for content in (rows.tobytes() + b"x", (rows * 1e5).tobytes(), np.full(8, np.nan, "<f4").tobytes()):
+        (tmp_path / "0.bin").write_bytes(content)
+        with pytest.raises(ScanError, match="CloudCompare"):
+            load_cloud(tmp_path / "0.bin")

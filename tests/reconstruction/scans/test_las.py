@@ -93,6 +93,18 @@ def test_noise_and_withheld_points_are_dropped_and_counted(tmp_path: Path, caplo
     assert "dropped 3 rows" in caplog.text
 
 
+def test_classes_that_a_robot_meets_are_read_or_those_that_are_named(tmp_path: Path) -> None:
+    kinds = np.repeat([1, 2, 5, 6, 9, 14, 3, 4], 5).astype(np.uint8)
+    path = write(tmp_path, "a.las", las(classification=kinds))
+    met = np.isin(kinds, (1, 2, 6, 3, 4))
+    np.testing.assert_allclose(load_cloud(path).points, POINTS[met], atol=1e-3)
+    np.testing.assert_allclose(
+        load_cloud(path, classes=(2, 9)).points, POINTS[np.isin(kinds, (2, 9))], atol=1e-3
+    )
+    with pytest.raises(ScanError, match=r"only \.las and \.laz"):
+        load_cloud(write(tmp_path, "a.xyz", b"0 0 0\n1 0 0\n0 1 0\n"), classes=(2,))
+
+
 @pytest.mark.parametrize(
     ("record", "factors"),
     [

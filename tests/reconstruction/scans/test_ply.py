@@ -140,3 +140,11 @@ def test_ascii_rows_that_are_missing_or_broken_are_refused(tmp_path: Path) -> No
             load(tmp_path, header + b"\n".join(broken))
     with pytest.raises(ScanError, match="promises"):
         load(tmp_path, header.replace(b"vertex 40", b"vertex " + MANY) + b"\n".join(lines))
+
+
+def test_gaussian_splats_are_refused_with_a_remedy(tmp_path: Path) -> None:
+    names = "".join(f"property float {name}\n" for name in ("x", "y", "z", "opacity", "scale_0", "rot_0"))
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex 4\n{names}end_header\n"
+    (tmp_path / "a.ply").write_bytes(header.encode() + bytes(4 * 6 * 4))
+    with pytest.raises(ScanError, match="splats are no surface points; export"):
+        load_points(tmp_path / "a.ply")

@@ -88,6 +88,8 @@ class Train(FrameCommand, Experiment):
     """A file of points, a scan log, a mesh, or an arena folder. Of more than 20 m the middle is used."""
     out: Path = Path("trained")
     """Output folder; open report.html in it."""
+    classes: tuple[int, ...] = ()
+    """Classes of a .las or .laz file that are used. Default: all but noise, water, high vegetation and wires."""
     start: tuple[float, float] | None = None
     """Where the robot starts: X Y [m]. Default: chosen on ground that both halves confirm."""
     goal: tuple[float, float] | None = None
@@ -109,7 +111,8 @@ class Train(FrameCommand, Experiment):
         from evolution._src.experiments.train import read_site
 
         with console.track(f"Training in {self.scan.name}") as step:
-            site = read_site(self.scan, self.viewpoint or None, unit=self.unit, up=self.up, scale=self.scale)
+            frame = {"unit": self.unit, "up": self.up, "scale": self.scale, "classes": self.classes or None}
+            site = read_site(self.scan, self.viewpoint or None, **frame)
             names = ("start", "goal", "organism", "seed", "workers")
             options: dict[str, Any] = {name: getattr(self, name) for name in names}
             result = ev.train(site, self.out, progress=step.progress, **options)
