@@ -5,6 +5,7 @@ in the working directory and on the path; it leaves a mark as soon as it is impo
 """
 
 import json
+import logging
 import sys
 from dataclasses import replace
 
@@ -14,7 +15,9 @@ import toys
 
 import evolution as ev
 from evolution._src.champions.playback import ChampionPolicy
+from evolution._src.cli.main import PrintableFormatter
 from evolution._src.cli.main import run as run_command
+from evolution._src.controllers.finding import ControllerSource
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.record import Record
@@ -229,3 +232,21 @@ def test_a_run_folder_chooses_no_cluster(folder, monkeypatch):
     with pytest.raises(SystemExit):
         ev.resume(folder)
     assert seen == [None]
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"), [("MARK.touch", ()), ("Path", None), ("json.loads", (("s", "1"),))]
+)
+def test_a_module_that_is_allowed_opens_none_that_it_imports(name, arguments, mark):
+    source = ControllerSource("wave", "1", f"intruder:{name}", arguments, is_allowed=False).allow(
+        ["intruder"]
+    )
+    with pytest.raises(RunError, match=r"not of intruder|there is no 'json'"):
+        source.make(snake(2), 0)
+    assert mark.read_text() == "imported"
+
+
+def test_names_of_files_do_not_command_the_terminal(tmp_path):
+    path = tmp_path / "a\x1b[31m.xyz"
+    record = logging.makeLogRecord({"msg": "%s: dropped 1 row", "args": (path,)})
+    assert "\x1b" not in PrintableFormatter("symbrion: %(message)s").format(record)

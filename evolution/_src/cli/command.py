@@ -7,6 +7,7 @@ import math
 import os
 import sys
 import zipfile
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
@@ -88,13 +89,12 @@ class SeededCommand(Command):
 
 
 def find_modules_here(*names: str | None) -> None:
-    """Let the command line name modules in the working folder, after all others; unless it names code, none
-    is found."""
-    if any(name and (":" in name or name.isidentifier()) for name in names):
-        with contextlib.suppress(OSError):  # the folder has been removed
-            here = os.getcwd()
-            if here not in sys.path:
-                sys.path.append(here)
+    """Let the command line name modules in the working folder, after all others; no other code there is found."""
+    with contextlib.suppress(OSError):  # the folder has been removed
+        here = os.getcwd()
+        tops = [name.partition(":")[0].partition(".")[0] for name in names if name]
+        if here not in sys.path and any(PathFinder.find_spec(top, [here]) for top in tops):
+            sys.path.append(here)
 
 
 def require_file(path: Path, option: str) -> None:

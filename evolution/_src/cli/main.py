@@ -43,6 +43,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(code)
 
 
+class PrintableFormatter(logging.Formatter):
+    """Names of files may hold what a terminal obeys."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return make_printable(super().format(record))
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run one command line."""
     if list(arguments) == ["--version"]:
@@ -55,7 +62,9 @@ def run(arguments: Sequence[str]) -> int:
     except SystemExit:  # --help
         return 0
     console = Console(quiet=command.quiet or command.json, mute=command.json)
-    logging.basicConfig(level=logging.WARNING, format="symbrion: %(message)s", stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(PrintableFormatter("symbrion: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
     try:
         with console:
             summary = command.run(console)

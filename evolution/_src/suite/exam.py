@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
+import signal
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -38,7 +40,8 @@ TRIALS = 10  # Trials of an entry, on the scan and in the truth each
 SCORING = Scoring(module=0.0)
 """The fitness of a score: progress [m], 1 for a success rate of 1, less the effort."""
 _TOLD = ("name", "version", "sensors", "parameters", "lower", "upper", "initial")
-_PATIENCE = 300.0  # A controller that answers later than this hangs [s]
+_PATIENCE = 600.0  # A controller that needs longer for its trials in an arena hangs [s]
+_PRIVILEGED = {"odometry", "goal"}  # Sensors that tell the exact pose
 _LONGEST = 1 << 24  # Bytes of an answer of a controller
 
 
@@ -84,7 +87,7 @@ def hold_exam(
         progress: called with each entry.
         simulate: in place of the physics, for tests.
     """
-    names = [submission.name for submission in submissions]
+    names = [submission.name.casefold() for submission in submissions]
     if len(set(names)) < len(names):
         raise RunError(f"submissions need different names, got {', '.join(sorted(names))}")
     backend = make_backend("batch", workers, simulate=simulate)
@@ -124,15 +127,17 @@ def make_exam_scan(place: str, truth: str | None, seed: int) -> Arena:
 def _examine(name: str, entry: Entry, seed: int, allow: Collection[str], backend: Backend) -> Result:
     """Return the result of an entry."""
     task = find_suite_task(entry.task)
-    scan = make_exam_scan(task.arena, task.truth, seed)
-    with _open_controller(task, entry, allow) as controller:
-        scores = []
-        for arena in (scan, task.truth or make_true_arena(task.arena)):
-            trials = task.make_trials(arena, entry.body, controller, TRIALS, (seed,))
+    arenas = make_exam_scan(task.arena, task.truth, seed), task.truth or make_true_arena(task.arena)
+    scores = []
+    for number, arena in enumerate(arenas):
+        with _open_controller(
+            task, entry, allow
+        ) as controller:  # anew: nothing is learned from one for the other
+            trials = task.make_trials(arena, entry.body, controller, TRIALS, (seed, number))
             outcome = backend.run([Job(np.asarray(entry.genotype, dtype=float), trials)])[0]
-            if outcome.error:
-                raise RunError(f"{task.name}, seed {entry.seed}: it cannot be tried: {outcome.error}")
-            scores.append(Score(SCORING.score(outcome, 0), outcome.successes))
+        if outcome.error:
+            raise RunError(f"{task.name}, seed {entry.seed}: it cannot be tried: {outcome.error}")
+        scores.append(Score(SCORING.score(outcome, 0), outcome.successes))
     return Result(name, entry, *scores)
 
 
@@ -150,21 +155,37 @@ def _open_controller(task: SuiteTask, entry: Entry, allow: Collection[str]) -> I
     process = context.Process(
         target=_serve, args=(theirs, entry.controller, entry.body, num_tracks), daemon=True
     )
-    process.start()
-    theirs.close()
+    before = os.environ.get("PYTHONSAFEPATH", "")
+    os.environ["PYTHONSAFEPATH"] = "1"  # the new process takes no module of Python's from the working folder
     try:
-        yield _Outside(ours, process)
+        process.start()
     finally:
+        os.environ["PYTHONSAFEPATH"] = before
+    theirs.close()
+    timer = Timer(_PATIENCE, _kill, (process,))  # which ends every wait for it
+    timer.start()
+    try:
+        yield _Outside(ours)
+    finally:
+        timer.cancel()
         ours.close()
-        process.kill()
+        _kill(process)
         process.join()
+
+
+def _kill(process: BaseProcess) -> None:
+    """Kill a process, and those that it has started."""
+    if process.pid is not None and hasattr(os, "killpg"):
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
 
 
 class _Outside:
     """A controller in another process: it follows `Controller`. Of what comes back nothing but numbers is read."""
 
-    def __init__(self, connection: Connection, process: BaseProcess) -> None:
-        self._connection, self._process = connection, process
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
         told = self._receive()
         try:
             name, version, *others = (json.loads(told)[each] for each in _TOLD)
@@ -173,6 +194,10 @@ class _Outside:
             self.lower, self.upper, self.initial = (tuple(map(float, each)) for each in others[2:])
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise RunError(f"the process of the controller tells no controller: {error}") from error
+        if told := _PRIVILEGED.intersection(self.sensors):
+            raise RunError(
+                f"the controller reads {', '.join(sorted(told))}, which no robot knows; leave it out"
+            )
 
     def begin(self, count: int) -> Bool[np.ndarray, " P"]:
         """Return which rows begin: the memory itself stays in the process."""
@@ -186,27 +211,27 @@ class _Outside:
         state: Bool[np.ndarray, " P"],
     ) -> tuple[Float[np.ndarray, "P A"], Bool[np.ndarray, " P"]]:
         """Let the process act."""
-        self._connection.send((observation, np.array(genotype), dict(structure), state))
+        with suppress(OSError):  # dead: what is received says so
+            self._connection.send((observation, np.array(genotype), dict(structure), state))
         numbers = np.frombuffer(self._receive(), dtype=np.float64)
         return numbers.reshape(len(observation), -1), np.zeros_like(state)
 
     def _receive(self) -> bytes:
-        """Return what the process answers; one that hangs is killed, which ends the wait."""
-        timer = Timer(_PATIENCE, self._process.kill)
-        timer.start()
+        """Return what the process answers."""
         try:
             return self._connection.recv_bytes(_LONGEST)
         except (EOFError, OSError) as error:
             raise RunError(
-                f"the process of the controller has ended, or has not answered for {_PATIENCE:g} s; its error is "
+                f"the process of the controller has ended, or took longer than {_PATIENCE:g} s; its error is "
                 "printed above"
             ) from error
-        finally:
-            timer.cancel()
 
 
 def _serve(connection: Connection, source: str, body: str, num_tracks: int) -> None:
     """Act for a controller until the connection is closed."""
+    if hasattr(os, "setsid"):
+        os.setsid()  # so that what it starts ends with it
+    os.dup2(2, 1)  # what it prints is no output of ours
     controller = find_controller(source, read_organism(body), num_tracks)
     connection.send_bytes(json.dumps({each: getattr(controller, each) for each in _TOLD}).encode())
     state: Any = None

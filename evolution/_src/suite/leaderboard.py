@@ -11,10 +11,12 @@ from scipy import stats
 
 from evolution._src.suite.exam import TRIALS, Exam, Result
 from evolution._src.suite.submission import Submission
-from evolution._src.suite.tasks import BUDGET, SUITE, VERSION
+from evolution._src.suite.tasks import BUDGET, SEEDS, SUITE, VERSION
+from reconstruction._src.base.printable import make_printable
 
 COLUMNS = ("submission", "place", "seeds", "truth", "scan", "fitness", "spent [s]")
 """Of a task: place, successes with their interval, fitness in the truth, and simulated time spent."""
+_LONGEST_LINE = 500  # Characters of what is shown of a provenance
 _TRIMMED = 0.25  # Share left out at each end by the interquartile mean
 
 
@@ -40,7 +42,8 @@ class Row(NamedTuple):
 
     task: str  # name of the task
     submission: str  # name of the submission
-    place: str  # by successes in the truth: "1", "2=" where several have as many, and "–" without any success
+    # by successes in the truth: "1", "2=" where several have as many, "–" without any success or not all seeds
+    place: str
     seeds: int  # how many there are
     truth: Estimate  # successes in the truth, of `TRIALS`
     scan: Estimate  # successes on the scan, of `TRIALS`
@@ -61,8 +64,11 @@ def rank(exam: Exam) -> list[Row]:
             (each for each in exam.results if each.entry.task == task.name), key=lambda each: each.submission
         )
         own = [_sum_up(list(each)) for _, each in groupby(results, key=lambda each: each.submission)]
-        means = [row.truth.mean for row in own]
-        own = [row._replace(place=_find_place(row.truth.mean, means)) for row in own]
+        means = [row.truth.mean for row in own if row.seeds == len(SEEDS)]
+        own = [
+            row._replace(place=_find_place(row.truth.mean, means)) if row.seeds == len(SEEDS) else row
+            for row in own
+        ]
         rows += sorted(own, key=lambda row: (-row.truth.mean, -row.fitness, row.submission))
     return rows
 
@@ -75,7 +81,7 @@ def _sum_up(results: Sequence[Result]) -> Row:
     fitness, seconds = np.mean(
         [(each.truth.fitness, each.entry.seconds) for each in results], axis=0
     ).tolist()
-    return Row(first.entry.task, first.submission, "", len(results), truth, scan, fitness, seconds)
+    return Row(first.entry.task, first.submission, "–", len(results), truth, scan, fitness, seconds)
 
 
 def estimate(values: Sequence[float]) -> Estimate:
@@ -105,7 +111,7 @@ def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
             f"{len(SUITE)} tasks, {BUDGET:,.0f} simulated seconds for a task and seed. Every entry was tried again: "
             f"{TRIALS} trials on a scan and in the truth, both drawn with exam seed {exam.seed}. "
             "Shown are successes, the interquartile mean over seeds with its 95 % interval; "
-            "the place is by those in the truth: 1= is a tie, – has no success."
+            f"the place is by those in the truth: 1= is a tie, – has no success, or not all {len(SEEDS)} seeds."
         ),
     )
     page.add_contents()
@@ -128,4 +134,6 @@ def _describe(submission: Submission) -> str:
     versions = known.pop("versions", None)
     told = {**(versions if isinstance(versions, dict) else {}), **known}
     words = [f"{name} {value}" for name, value in told.items() if name != "method"]
-    return f"{submission.name} (suite {submission.version}): {', '.join(words)}"
+    return make_printable(
+        f"{submission.name} (suite {submission.version}): {', '.join(words)}", _LONGEST_LINE
+    )

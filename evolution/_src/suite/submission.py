@@ -6,6 +6,7 @@ A file is filled entry by entry, so that a run that was stopped goes on. What it
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite
@@ -16,14 +17,15 @@ from evolution._src.backends.settings import read_organism
 from evolution._src.controllers.finding import check_genotype, find_controller
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.errors import RunError
-from evolution._src.suite.tasks import BUDGET, VERSION, SuiteTask, find_suite_task
+from evolution._src.suite.tasks import BUDGET, SEEDS, VERSION, SuiteTask, find_suite_task
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.typed_json import JsonError, as_type, read_json
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
 FORMAT = "symbrion suite submission 2"
-_LONGEST_NAME, _MOST_ENTRIES = 80, 1000
+_NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 ._,+-]{0,60}[A-Za-z0-9+])?")
+_TOLERANCE = 1.1  # Time that may be spent over the budget, as a generation that has begun is finished
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,8 @@ class Submission:
     version: str = VERSION  # of the suite
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.name) <= _LONGEST_NAME or not self.name.isprintable():
-            raise RunError(f"a name has 1 to {_LONGEST_NAME} printable characters, got {self.name[:100]!r}")
-        if len(self.entries) > _MOST_ENTRIES:
-            raise RunError(f"a submission has at most {_MOST_ENTRIES} entries, got {len(self.entries)}")
+        if not _NAME.fullmatch(self.name):
+            raise RunError(f"a name has 1 to 62 letters, digits, spaces or ._,+-, got {self.name[:100]!r}")
         if self.version != VERSION:
             raise RunError(
                 f"the submission is of suite {self.version!r}, this is suite {VERSION!r}, whose tasks and budget are "
@@ -105,9 +105,9 @@ def _check_entry(entry: Entry) -> None:
         check_genotype(entry.task, entry.genotype, find_controller(entry.controller, organism, tracks))
     if not all(isfinite(value) for value in entry.genotype):
         raise RunError(f"{entry.task}: the genotype is not finite")
-    if entry.seed < 0:
-        raise RunError(f"{entry.task}: the seed is {entry.seed}; seeds begin at 0")
-    if not 0.0 <= entry.seconds <= 2 * BUDGET:
+    if entry.seed not in SEEDS:
+        raise RunError(f"{entry.task}: the seed is {entry.seed}; those of the suite are {SEEDS}")
+    if not 0.0 <= entry.seconds <= _TOLERANCE * BUDGET:
         raise RunError(f"{entry.task}: {entry.seconds:.0f} s were spent, of a budget of {BUDGET:.0f} s")
 
 

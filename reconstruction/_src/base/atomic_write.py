@@ -24,15 +24,15 @@ def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a path in the same folder to write to; it replaces `path` at the end.
 
     A reader of `path`, at any time and after any kill, finds the old file or the new one. After an error `path` is as
-    it was, and nothing is left next to it. A link stays a link: the file that it leads to is replaced. A file that was
-    there keeps its mode.
+    it was, and nothing is left next to it. A link is replaced, not what it leads to, which in a folder of somebody
+    else is anything. A file that was there keeps its mode.
     """
-    path = Path(os.path.realpath(path))
+    path = Path(os.path.realpath(Path(path).parent)) / Path(path).name
     _refuse_irreplaceable(path)
     temporary = path.with_name(f".{path.stem[:_LONGEST_STEM]}.{secrets.token_hex(6)}.part{path.suffix}")
     try:
         yield temporary
-        if path.exists():
+        if path.exists() and not path.is_symlink():
             shutil.copymode(path, temporary)
         _flush(temporary)
         _replace(temporary, path)

@@ -7,6 +7,7 @@ and `arena.json` after them, and what it no longer names is removed last.
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -178,11 +179,21 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
         fields = about.as_arena_fields()
     except (JsonError, ArenaError, OSError) as error:
         raise ArenaError(f"{path}: {error}; build the arena again with make_arena") from error
-    return fields | _load_geometry(folder / about.place, about)
+    return fields | _load_geometry(folder, about)
 
 
-def _load_geometry(meshes: Path, about: _Description) -> dict[str, Any]:
+def _load_geometry(folder: Path, about: _Description) -> dict[str, Any]:
     """Return the fields of an `Arena` that are geometry."""
+    meshes, real = folder / about.place, Path(os.path.realpath(folder)) / about.place
+    names = (
+        "surface.obj",
+        TEXTURE_FILE,
+        "height_field.npz",
+        *(f"pieces/{i:03d}.obj" for i in range(about.num_pieces)),
+    )
+    for name in names:
+        if os.path.realpath(meshes / name) != str(real / name):
+            raise ArenaError(f"{meshes / name} is a link to elsewhere; put the file itself there")
     surface, uv = load_obj(meshes / "surface.obj")
     check_surface(surface, meshes / "surface.obj")
     if about.unseen and not 0 <= min(about.unseen) <= max(about.unseen) < len(surface.faces):

@@ -67,15 +67,16 @@ def test_a_file_keeps_its_mode(tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_link_stays_a_link(tmp_path: Path) -> None:
+def test_a_link_is_replaced_and_what_it_leads_to_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "far").mkdir()
     (tmp_path / "far" / "a.txt").write_text("old")
-    link = tmp_path / "a.txt"
-    link.symlink_to("far/a.txt")
-    with write_atomically(link) as temporary:
-        temporary.write_text("new")
-    assert link.is_symlink()
-    assert (tmp_path / "far" / "a.txt").read_text() == "new"
+    for target in ("far/a.txt", "far/b.txt"):
+        (tmp_path / "a.txt").unlink(missing_ok=True)
+        (tmp_path / "a.txt").symlink_to(target)
+        with write_atomically(tmp_path / "a.txt") as temporary:
+            temporary.write_text("new")
+        assert not (tmp_path / "a.txt").is_symlink()
+    assert [(path.name, path.read_text()) for path in (tmp_path / "far").iterdir()] == [("a.txt", "old")]
 
 
 def test_two_writers_do_not_meet(tmp_path: Path) -> None:

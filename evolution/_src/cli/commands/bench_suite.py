@@ -9,6 +9,7 @@ import tyro
 
 from evolution._src.cli.command import TrustingCommand, UsageError, require_file, require_writable_file
 from evolution._src.cli.console import Console
+from evolution._src.errors import RunError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count
 
@@ -28,8 +29,8 @@ class BenchSuite(TrustingCommand):
     """Submissions, for board."""
     method: METHODS = "cmaes"
     """The baseline."""
-    seeds: tuple[int, ...] = (0,)
-    """Seeds of the baseline."""
+    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
+    """Seeds of the baseline; all five are needed for a place on the board."""
     tasks: tuple[str, ...] = ()
     """Tasks of run; all unless given."""
     budget: float | None = None
@@ -87,10 +88,16 @@ class BenchSuite(TrustingCommand):
         from evolution._src.suite.submission import load_submission
 
         assert self.out is not None
-        submissions = [load_submission(file) for file in self.files]
+        submissions, unread = [], []
+        for file in self.files:
+            try:
+                submissions.append(load_submission(file))
+            except RunError as error:
+                unread.append((file.name, str(error)))
         seed = secrets.randbelow(2**32) if self.exam_seed is None else self.exam_seed
         with console.track(f"Exam, seed {seed}") as step:
             exam = hold_exam(submissions, seed, self.allow_code, self.workers, step.progress)
+        exam = exam._replace(untried=(*exam.untried, *unread))
         rows = leaderboard.rank(exam)
         title = "Successes of 10: interquartile mean over seeds (95 % interval)"
         console.show_table(title, ["task", *leaderboard.COLUMNS], [[row.task, *row.format()] for row in rows])
