@@ -18,6 +18,8 @@ from evolution._src.cli.commands import COMMANDS
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+MOST_PAGES, MOST_WORDS = 16, 20_000  # of docs; of docs and README
+LONGEST_README = 6_000  # [bytes]
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
@@ -39,7 +41,7 @@ def find_programs(page: Path) -> list[str]:
 
 
 WITH_COMMANDS = [page for page in PAGES if find_commands(page)]
-WITH_PROGRAMS = [page for page in PAGES if find_programs(page) and page.name != "own-scan.md"]
+WITH_PROGRAMS = [page for page in PAGES if find_programs(page)]
 
 
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=_name)
@@ -81,9 +83,21 @@ def test_make_targets_exist(page: Path) -> None:
 
 
 def test_python_blocks_are_python() -> None:
+    """Also those that are not run (`py`), as their files do not exist."""
     for page in PAGES:
-        for block in find_programs(page):
-            compile(block, _name(page), "exec")
+        for language, block in BLOCK.findall(page.read_text()):
+            if language in ("python", "py"):
+                compile(block, _name(page), "exec")
+
+
+def test_pages_are_few_and_short() -> None:
+    pages = sorted(DOCS.rglob("*.md"))
+    nav = (ROOT / "mkdocs.yml").read_text()
+    assert len(pages) <= MOST_PAGES
+    assert not [page for page in pages if str(page.relative_to(DOCS)) not in nav]
+    readme = (ROOT / "README.md").read_text()
+    assert len(readme.encode()) <= LONGEST_README
+    assert sum(len(text.split()) for text in [readme, *(page.read_text() for page in pages)]) <= MOST_WORDS
 
 
 @pytest.mark.slow
