@@ -3,7 +3,7 @@ PYTHON ?= python3
 RUN := .venv/bin/python
 INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: setup demo test test-slow check paper docs assets clean
+.PHONY: setup demo test test-slow check evidence paper docs assets clean
 
 setup: .venv/.installed
 
@@ -37,6 +37,10 @@ paper: setup
 docs: setup
 	$(INSTALL) -e .[docs]
 	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --strict --quiet
+
+# What README and docs say, measured in about an hour: docs/evidence.md.
+evidence: setup
+	$(RUN) -m benchmarks.evidence
 
 # The ready-made arenas that the package ships (see assets/README.md).
 assets: setup
