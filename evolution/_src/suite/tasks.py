@@ -33,7 +33,7 @@ def find_published_arena(name: str) -> Path:
     return find_assets() / "suite" / "arenas" / name
 
 
-VERSION = "3"  # Raised when a task changes, so that scores of different suites are never compared
+VERSION = "4"  # Raised when a task changes, so that scores of different suites are never compared
 BUDGET = 4000.0  # Simulated time that a method may spend on a task with one seed [s]
 SEEDS = (0, 1, 2, 3, 4)  # Of the method: all of them are needed for a place, and no others count
 
@@ -73,7 +73,7 @@ class SuiteTask:
 
 
 SUITE: tuple[SuiteTask, ...] = (
-    SuiteTask("pit, 8 in a row", "gsrm", 8, "truth", {"task": "cross_gap", "start": "pit", "duration": 30.0}),
+    SuiteTask("pit, 5 in a row", "gsrm", 5, "truth", {"task": "cross_gap", "start": "pit", "duration": 30.0}),
     SuiteTask("stairs, 5 in a row", "stairs", 5, None, {"task": "climb"}),
 )
 

@@ -32,6 +32,9 @@ _DRAG_SPEED = 0.24
 """How much slower, and in turn faster, the tracks of the last module run in a drag [m/s]: tracks hold with all that
 friction gives from a slip of some 0.1 m/s."""
 _CRUISE, _DRAG = 0.5, 0.5  # Time from one drag to the next, and length of a drag [s]
+_SOFT = (60.0, 3.0)
+"""Gains of the servos of the hinges [N m/rad, N m s/rad]: with stiffer ones the last module is not borne by its own
+tracks where the ground bends, and is felt to have another friction there."""
 _SPACING = 0.4  # Distance of the lanes, along the longer side of the arena [m]
 _MARGIN = 0.15  # Of the lanes from the rim, and of their ends from steps [m]
 _HIGHEST_STEP = 0.01  # A lane ends where the ground changes by more within a centimeter [m]
@@ -191,7 +194,8 @@ class _Simulation:
 
     def __init__(self, arena: Arena) -> None:
         self.arena = arena
-        scout = ScoutConfig(track_speed=_SPEED, friction=arena.friction)
+        soft = dict(zip(("hinge_stiffness", "hinge_derivative"), _SOFT, strict=True))
+        scout = ScoutConfig(track_speed=_SPEED, friction=arena.friction, **soft)
         organism, spec = snake(_MODULES, scout), arena.spec()
         organism.add_to(spec, spec.worldbody)
         add_sensors(spec, organism, ("acceleration", "dock_force"), 0.0)

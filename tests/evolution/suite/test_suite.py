@@ -25,7 +25,7 @@ from evolution._src.suite.tasks import SUITE, find_published_arena, find_suite_t
 from symbrion_gym._src.arenas.arena import Arena
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
-TASK, OTHER = "stairs, 5 in a row", "pit, 8 in a row"
+TASK, OTHER = "stairs, 5 in a row", "pit, 5 in a row"
 BUDGET = 400.0
 
 

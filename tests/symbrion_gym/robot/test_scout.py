@@ -48,7 +48,7 @@ def test_compiled_module_has_the_constants():
     np.testing.assert_allclose(hinge.range, [-np.pi / 2, np.pi / 2])
     np.testing.assert_allclose(hinge.axis, [0, -1, 0], atol=1e-12)
     np.testing.assert_allclose(model.actuator("hinge_0").forcerange, [-4.5, 4.5])
-    assert model.actuator("hinge_0").gainprm[0] == 60.0
+    assert model.actuator("hinge_0").gainprm[0] == 120.0
     assert model.joint("hinge_0").armature[0] == 0.01
     touching = np.flatnonzero(model.geom_contype)
     assert (model.geom_priority[touching] == 1).all()

@@ -22,9 +22,10 @@ from symbrion_gym._src.swarm.docks import MATING_TIME, SCOUT
 from symbrion_gym._src.swarm.dynamic.assembly import Assembly, Tree
 
 FOLDED = np.pi / 2  # Angle of the hinge of an arm that is folded up [rad]
-EXACT = 3e-5  # Docks this near to their exact pose have mated [m]
-EXACT_ANGLE = 2e-4
-"""Likewise [rad]: over the length of eight modules this is 0.2 mm, which the fit of a tree halves."""
+EXACT = 4e-5  # Docks this near to their exact pose have mated [m]
+EXACT_ANGLE = 6e-4
+"""Likewise [rad], a little more than hinges leave that hold against a weld: over the length of eight modules this is
+0.6 mm, which the fit of a tree halves."""
 _LEVER = 0.05
 """Distance of the points that stand for the orientation of a module in the fit of a tree [m]: its half size."""
 _HALF_TURN = Rotation.from_rotvec([0.0, 0.0, np.pi])
