@@ -33,8 +33,8 @@ def _task(name: str, threshold: float, parameters: dict[str, Any] | None = None,
 
 
 _ROW: dict[str, Any] = {"track_control": "body"}
-_CLIMB = {**_ROW, "arena": "stairs"}
-_LONE = {"arena": "gsrm", "default_organism": 1, "track_control": "skid", "randomize": _TURNED}
+_CLIMB = {**_ROW, "default_arena": "stairs"}
+_LONE = {"default_arena": "gsrm", "default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _SPECS: dict[str, _Entry] = {
     "SnakePit-v1": ({"randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.0),
     "CrossGap-easy-v0": _task("cross_gap", 2.9, **_ROW),
@@ -44,7 +44,7 @@ _SPECS: dict[str, _Entry] = {
     "Climb-hard-v0": _task(
         "climb", 2.3, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.09}}
     ),
-    "Traverse-v0": _task("traverse", 4.4, **_ROW, arena="gsrm"),
+    "Traverse-v0": _task("traverse", 4.4, **_ROW, default_arena="gsrm"),
     "Reach-easy-v0": _task("reach", 2.1, {"distance": 1.5}, **_LONE, sensors=(*DEFAULT_SENSORS, "goal")),
 }
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
@@ -80,6 +80,7 @@ class KnowsLimits:
         if spec is not None:
             spec = copy(spec)
             usual = ENVIRONMENTS.get(spec.id, {})
+            usual = {**usual, "arena": usual.get("default_arena", "truth")}
             options = {**usual, **spec.kwargs}
             changed = [name for name, value in options.items() if repr(value) != repr(usual.get(name))]
             if not set(_HARMLESS.split()).issuperset(changed):

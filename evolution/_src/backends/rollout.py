@@ -1,4 +1,4 @@
-"""Jobs tried in the environment: many trials at once, in the sub-environments of one vector environment.
+"""Jobs tried in the environment: many trials at once, in a vector environment for each stretch of the arena.
 
 When a trial ends, the next one starts in its sub-environment, so that no thread waits for the slowest genotype. The
 result of a trial depends on its genotype and its conditions only, whatever the other sub-environments run.
@@ -7,11 +7,12 @@ result of a trial depends on its genotype and its conditions only, whatever the 
 from __future__ import annotations
 
 import logging
-from collections import OrderedDict, defaultdict, deque
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections import Counter, OrderedDict, defaultdict, deque
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -32,7 +33,6 @@ from evolution._src.controllers.protocol import Controller, reset_rows
 from evolution._src.errors import NoEnvironmentError, RunError
 from symbrion_gym._src.environment.making import make_vector_env
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.randomization import LayoutError
 from symbrion_gym._src.errors import OptionError, TaskError
 from symbrion_gym._src.robot.organism import Organism
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-_BATCH_SIZES = (8, 16, 24, 36, 48)
+_BATCH_SIZES = (8, 12, 16, 24, 36, 48)
 """Sub-environments of a vector environment; the smallest size that takes all trials is used, or a larger one that is
 compiled already. Few sizes mean few compilations."""
 _TICKS_BETWEEN_LOOKS = 16
@@ -50,7 +50,6 @@ _DIFFERENT = ("arena", "randomization", "count", "seed")
 """Fields in which trials that share an environment may differ, the name of the arena among them."""
 _environments: OrderedDict[Hashable, OrganismVectorEnv] = OrderedDict()
 """Vector environments of this process, the one used last at the end."""
-_separate: set[Hashable] = set()  # Arenas whose stretched versions do not fit into one vector environment
 
 
 class Trial(NamedTuple):
@@ -77,18 +76,24 @@ class TrialResult(NamedTuple):
 
 def simulate(jobs: Sequence[Job], threads: int = 1, engine: str = "mujoco") -> list[Outcome]:
     """Try jobs in the environment."""
-    groups: dict[Hashable, list[Trial]] = defaultdict(list)
+    groups: dict[Hashable, tuple[Trials, dict[float, list[Trial]]]] = {}
     for index, job in enumerate(jobs):
-        key = _find_environment_key(job.trials), job.trials.randomization.stretch
-        groups[key] += split_job(index, job)
+        key = _find_environment_key(job.trials)
+        _, stretches = groups.setdefault(key, (job.trials, defaultdict(list)))
+        for trial in split_job(index, job):
+            stretches[trial.stretch].append(trial)
     results: dict[tuple[int, int], TrialResult] = {}
-    for trials in groups.values():
-        first = jobs[trials[0].job].trials
+    for first, stretches in groups.values():
         controller = find_trial_controller(first)
-        for environment, own_trials in _group_by_environment(first, trials, threads, engine):
-            is_on_device = getattr(environment, "array", "numpy") == "jax"
-            run = _run_on_device if is_on_device else _run_trials
-            results |= run(cast(Any, environment), controller, own_trials)
+        together = [
+            _Rows(_find_environment(first, stretch, len(own), threads, engine), controller, own)
+            for stretch, own in stretches.items()
+        ]
+        if getattr(together[0].environment, "array", "numpy") == "jax":
+            for rows in together:
+                results |= _run_on_device(rows, controller)
+        else:
+            results |= _run_trials(together, controller)
     return [
         _summarize([results[index, number] for number in range(job.trials.count)])
         for index, job in enumerate(jobs)
@@ -126,8 +131,8 @@ def _warn_of_body(modules: int, error: str) -> None:
 def warm_up(trials: Trials, num_jobs: int, threads: int, engine: str = "mujoco") -> None:
     """Compile the environment in which jobs will be tried, which also checks arena, body, start and goal."""
     job = Job(np.zeros(len(find_trial_controller(trials).parameters)), trials)
-    expected = [trial for index in range(num_jobs) for trial in split_job(index, job)]
-    for environment, _ in _group_by_environment(trials, expected, threads, engine):
+    for stretch, count in Counter(trial.stretch for trial in split_job(0, job)).items():
+        environment = _find_environment(trials, stretch, num_jobs * count, threads, engine)
         first = np.arange(environment.num_envs) == 0  # the first trial begins there anyway
         try:
             environment.reset(options={"reset_mask": first})
@@ -170,29 +175,11 @@ def split_job(index: int, job: Job) -> list[Trial]:
     ]
 
 
-def _group_by_environment(
-    conditions: Trials, trials: Sequence[Trial], threads: int, engine: str
-) -> Iterator[tuple[OrganismVectorEnv, list[Trial]]]:
-    """Yield environments and their trials: one for all stretches, or one each where they are too different."""
-    key = _find_environment_key(conditions), engine
-    stretches = tuple(sorted(set(conditions.randomization.stretch)))
-    if (key, stretches) not in _separate:
-        try:
-            yield _find_environment(conditions, stretches, len(trials), threads, engine), list(trials)
-            return
-        except LayoutError:
-            _separate.add((key, stretches))
-    for stretch in stretches:
-        own = [trial for trial in trials if trial.stretch == stretch]
-        if own:
-            yield _find_environment(conditions, (stretch,), len(own), threads, engine), own
-
-
 def _find_environment(
-    conditions: Trials, stretches: tuple[float, ...], num_trials: int, threads: int, engine: str
+    conditions: Trials, stretch: float, num_trials: int, threads: int, engine: str
 ) -> OrganismVectorEnv:
     """Return a large enough environment, a new one or one that was used before."""
-    same = (_find_environment_key(conditions), stretches, threads, engine)
+    same = (_find_environment_key(conditions), stretch, threads, engine)
     on_device, sizes = engine != "mujoco", list(_BATCH_SIZES)
     if on_device:  # it takes all trials at once: this many, or as many as one was made for before
         sizes = sorted({num_trials, *(size for _, size in _environments if size > num_trials)})  # pyright: ignore[reportGeneralTypeIssues]
@@ -200,20 +187,18 @@ def _find_environment(
     larger = [(same, each) for each in sizes if each >= size and (same, each) in _environments]
     key = larger[0] if larger else (same, size)
     if key not in _environments:
-        while len(_environments) >= MAX_ENVIRONMENTS:
+        while len(_environments) >= MAX_ENVIRONMENTS * len(conditions.randomization.stretch):
             _environments.popitem(last=False)[1].close()
         controller = find_trial_controller(conditions)
         make = partial(_make_device_environment, controller) if on_device else OrganismVectorEnv
         try:
+            options: dict[str, Any] = make_environment_options(conditions) | {"stretch": stretch}
             _environments[key] = make(
                 num_envs=size,
                 num_threads=None if on_device else threads,
                 autoreset_mode=AutoresetMode.DISABLED,
-                stretches=stretches,
-                **make_environment_options(conditions),
+                **options,
             )
-        except LayoutError:
-            raise
         except (ValueError, TypeError) as error:  # no genotype is to blame
             raise NoEnvironmentError(f"the environment cannot be made: {error}") from error
     _environments.move_to_end(key)
@@ -232,7 +217,7 @@ class _Rows:
     def start(self, free: Iterable[int]) -> Float[Any, "E O"]:
         """Start waiting trials in free sub-environments; return the observations of all."""
         count = self.environment.num_envs
-        mask, seeds, stretches = np.zeros(count, dtype=bool), [None] * count, [None] * count
+        mask, seeds = np.zeros(count, dtype=bool), [None] * count
         options: dict[str, list[float | None]] = {name: [None] * count for name in CONDITIONS}
         for row in free:
             if not self.waiting:
@@ -240,54 +225,57 @@ class _Rows:
             trial = self.running[row] = self.waiting.popleft()
             genes = trial.genotype[: self.genotypes.shape[1]]
             mask[row], self.genotypes[row], self.effort[row] = True, genes, 0.0
-            seeds[row], stretches[row] = trial.seed, trial.stretch  # pyright: ignore[reportCallIssue, reportArgumentType]
+            seeds[row] = trial.seed  # pyright: ignore[reportCallIssue, reportArgumentType]
             for name in CONDITIONS:
                 options[name][row] = trial.conditions.get(name, 0.0)
-        resets = {**options, "stretch": stretches, "reset_mask": mask}
-        return self.environment.reset(seed=seeds, options=resets)[0]
+        return self.environment.reset(seed=seeds, options={**options, "reset_mask": mask})[0]
 
-    def end(
-        self, row: int, info: Mapping[str, Any], records: Any = None
-    ) -> dict[tuple[int, int], TrialResult]:
+    def end(self, row: int, info: Mapping[str, Any]) -> dict[tuple[int, int], TrialResult]:
         """Return the result of the trial in a sub-environment, which is free then; nothing where it was free."""
         trial, self.running[row] = self.running[row], None
         if trial is None:
             return {}
+        kept = self.environment.read_records(row) if self.environment.config.recorders else None
         result = TrialResult(
             success=bool(info["success"][row]),
             progress=float(info["progress"][row]),
             effort=float(self.effort[row]),
             seconds=float(info["time"][row]),
             diverged=bool(info["diverged"][row]),
-            records=records and {name: np.asarray(each, np.float64) for name, each in records(row).items()},
+            records=kept and {name: np.asarray(each, np.float64) for name, each in kept.items()},
         )
         return {(trial.job, trial.number): result}
 
 
-def _run_trials(
-    environment: OrganismVectorEnv, controller: Controller, trials: Sequence[Trial]
-) -> dict[tuple[int, int], TrialResult]:
-    rows = _Rows(environment, controller, trials)
-    shape, structure = environment.action_space.shape or (0,), environment.observation_structure
-    records = environment.read_records if environment.config.recorders else None
-    state = controller.begin(environment.num_envs)
+def _run_trials(groups: Sequence[_Rows], controller: Controller) -> dict[tuple[int, int], TrialResult]:
+    """Run the trials of several environments side by side; the controller acts in all of them at once."""
+    ends = np.cumsum([len(rows.running) for rows in groups]).tolist()
+    parts = [slice(*pair) for pair in pairwise([0, *ends])]
+    first = groups[0].environment
+    shape, structure = first.single_action_space.shape, first.observation_structure
+    state = controller.begin(ends[-1])
     results: dict[tuple[int, int], TrialResult] = {}
-    observation = rows.start(range(environment.num_envs))
-    while len(results) < len(trials):
-        actions, state = controller.act(observation, rows.genotypes, structure, state)
-        if actions.shape != shape:
+    seen = np.concatenate([rows.start(range(len(rows.running))) for rows in groups])
+    genotypes = np.concatenate([rows.genotypes for rows in groups])
+    while any(any(rows.running) for rows in groups):
+        actions, state = controller.act(seen, genotypes, structure, state)
+        if actions.shape[1:] != shape:
             raise RunError(
                 f"controller {controller.name!r} returns {actions.shape[-1]} numbers for an action of {shape[-1]}; "
                 "give a controller that drives the tracks, too, or leave out track_control"
             )
-        observation, _, terminated, truncated, info = environment.step(actions)
-        rows.effort -= info.get("reward_effort", 0.0)
-        ended = (terminated | truncated).nonzero()[0].tolist()
-        for row in ended:
-            results |= rows.end(row, info, records)
-        if ended and rows.waiting:
-            state = reset_rows(controller, state, ended)
-            observation = rows.start(ended)
+        seen = seen.copy()  # a controller may keep the last one
+        for rows, part in zip(groups, parts, strict=True):
+            if not any(rows.running):
+                continue
+            seen[part], _, terminated, truncated, info = rows.environment.step(actions[part])
+            rows.effort -= info.get("reward_effort", 0.0)
+            ended = (terminated | truncated).nonzero()[0].tolist()
+            for row in ended:
+                results |= rows.end(row, info)
+            if ended and rows.waiting:
+                state = reset_rows(controller, state, [part.start + row for row in ended])
+                seen[part], genotypes[part] = rows.start(ended), rows.genotypes
     return results
 
 
@@ -303,16 +291,14 @@ def _summarize(results: Sequence[TrialResult]) -> Outcome:
     )
 
 
-def _make_device_environment(controller: Controller, stretches: Sequence[float], **options: Any) -> Any:
+def _make_device_environment(controller: Controller, **options: Any) -> Any:
     """Return an environment whose physics is on a device, and all else if it can be."""
-    if len(stretches) > 1:
-        raise LayoutError(f"backend 'warp' holds one arena, and there are stretches {tuple(stretches)}")
     try:
-        environment: Any = make_vector_env(backend="warp", array="jax", stretch=stretches[0], **options)
+        environment: Any = make_vector_env(backend="warp", array="jax", **options)
         _check_controller(controller, environment)
     except (TaskError, OptionError, TypeError, AttributeError) as error:
         logger.info("observations, rewards and controllers are computed on the host: %s", error)
-        return make_vector_env(backend="warp", stretches=stretches, **options)
+        return make_vector_env(backend="warp", **options)
     return environment
 
 
@@ -337,14 +323,12 @@ def _make_act(controller: Controller, environment: DeviceVectorEnv) -> Any:
     return lambda seen, genes, state: controller.act(seen, genes, structure, state)
 
 
-def _run_on_device(
-    environment: DeviceVectorEnv, controller: Controller, trials: Sequence[Trial]
-) -> dict[tuple[int, int], TrialResult]:
+def _run_on_device(rows: _Rows, controller: Controller) -> dict[tuple[int, int], TrialResult]:
     """Run trials side by side on a device, which has room for all of them."""
     import jax
     import jax.numpy as jnp
 
-    rows = _Rows(environment, controller, trials)
+    environment: DeviceVectorEnv = rows.environment
     observation = rows.start(range(environment.num_envs))
     act = jax.jit(_make_act(controller, environment))
 
@@ -365,7 +349,4 @@ def _run_on_device(
             tick += 1
     rows.effort = np.asarray(effort, dtype=float)
     last = {name: np.asarray(info[name]) for name in ("success", "progress", "time", "diverged")}
-    results: dict[tuple[int, int], TrialResult] = {}
-    for row in range(environment.num_envs):
-        results |= rows.end(row, last)
-    return results
+    return dict(item for row in range(environment.num_envs) for item in rows.end(row, last).items())

@@ -38,7 +38,7 @@ _OWN_FIELDS = ("arena", "modules", "organism", "task", "start")
 _USUAL_MODULES = 8
 _MAX_STRETCHES = 100  # Each is a separate arena in memory
 _STRETCH_LIMITS = (0.1, 10.0)
-MAX_ENVIRONMENTS = 12  # Compiled vector environments that a process keeps
+MAX_ENVIRONMENTS = 12  # Compiled vector environments that a process keeps, of each stretch of an arena
 CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw", "patch_friction")
 """Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""
 Range = tuple[float, float]

@@ -166,11 +166,13 @@ class EnvironmentConfig:
 
     @classmethod
     def from_options(cls, options: Mapping[str, Any], others: Iterable[str] = ()) -> EnvironmentConfig:
-        """Return the configuration of keyword arguments: fields, parameters of a named task, and `default_organism`,
-        the body that a registered id sets where neither `modules` nor `organism` is given. A message about an unknown
-        name lists others, too.
+        """Return the configuration of keyword arguments: fields, parameters of a named task, and what a registered id
+        sets: `default_organism`, where neither `modules` nor `organism` is given, and `default_arena`. A message about
+        an unknown name lists others, too.
         """
         given = dict(options)
+        if "default_arena" in given:
+            given.setdefault("arena", given.pop("default_arena"))
         usual_body = given.pop("default_organism", None)
         if usual_body is not None and given.get("modules") is None and given.get("organism") is None:
             given["organism"] = usual_body

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from symbrion_gym._src.environment.observation import DeadReckoning, Observer, find_goal, measure_way
 from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.tasks.state import MEASURES, Scene, TaskState, Views, check_function
+from symbrion_gym._src.tasks.state import MEASURES, TaskState, Views, check_function
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 from symbrion_gym._src.tasks.watch import Reasons, Watch
 
@@ -154,9 +154,7 @@ class Episodes:
             Views(physics.position, physics.rotation, qvel, qvel[:, self._dofs], force[:, self._servos])
         )
 
-    def begin(
-        self, physics: Physics, rows: list[int], scenes: Sequence[Scene], speeds: Sequence[float]
-    ) -> None:
+    def begin(self, physics: Physics, rows: list[int], speeds: Sequence[float]) -> None:
         """Start episodes from the present physics: hinges are held as they are and the tracks run forward."""
         self._view(physics)
         state, hinges = self.state, self.commands.num_hinges
@@ -168,7 +166,7 @@ class Episodes:
         if self.reckoning is not None:
             self.believed[rows], self.headed[rows] = self.reckoning.start, 0
             self._find_direction(rows)
-        state.begin(rows, scenes, speeds)
+        state.begin(rows, speeds)
         self._watch.begin(rows)
         self._has_driven[rows] = False
         self.reason[rows] = 0

@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import check_choice
+from symbrion_gym._src.environment.many_arenas import ManyArenasVectorEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.errors import OptionError
 
@@ -19,15 +20,19 @@ if TYPE_CHECKING:
 
 
 def make_vector_env(
-    num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", **options: Any
-) -> OrganismVectorEnv | DeviceVectorEnv:
-    """Return the vector environment of an id, on the engine that `backend` names, with arrays of a library."""
+    num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", arenas: Any = None, **options: Any
+) -> OrganismVectorEnv | ManyArenasVectorEnv | DeviceVectorEnv:
+    """Return the vector environment of an id, on an engine and with arrays of a library, or in several arenas."""
     check_choice("backend", backend, ("mujoco", "warp"), OptionError)
     check_choice("array", array, ("numpy", "jax", "torch"), OptionError)
     if backend == "mujoco":
         if array != "numpy":
             raise OptionError(f"array={array!r} needs backend='warp'; leave out array")
+        if arenas is not None:
+            return ManyArenasVectorEnv(num_envs, arenas, **options)
         return OrganismVectorEnv(num_envs, **options)
+    if arenas is not None:
+        raise OptionError("backend 'warp' holds one arena in a batch; give arena in place of arenas")
     if array == "torch" and find_spec("torch") is None:
         raise OptionError(
             "array='torch' needs torch, which is not installed: pip install torch, or take 'jax'"

@@ -219,7 +219,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         begin_episode(world, self.domain, self.model, data.qpos, data.ctrl)
         mujoco.mj_forward(self.model, data)
         physics = self.physics
-        self._episodes.begin(physics, [0], [world.scene], [self.domain.track_speed])
+        self._episodes.begin(physics, [0], [self.domain.track_speed])
         info = {**self._episodes.describe(0), **self.domain._asdict()}
         if self._renderer is not None:
             self._renderer.follow(physics.position[0], at_once=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 from inspect import signature
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -19,9 +19,8 @@ from symbrion_gym._src.environment.config import EnvironmentConfig
 from symbrion_gym._src.environment.episodes import Episodes, Ticks
 from symbrion_gym._src.environment.organism_env import OrganismEnv, make_renderer, make_spaces
 from symbrion_gym._src.environment.randomization import (
+    VARIED,
     Domain,
-    IndividualModels,
-    SharedModel,
     begin_episode,
     draw_domain,
     make_nominal_domain,
@@ -48,7 +47,6 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
     | `num_threads`       | threads that step them; as many as there are processors by default |
     | `autoreset_mode`    | Gymnasium's; "NextStep" by default                                 |
     | `max_episode_steps` | truncates sooner than `duration`                                   |
-    | `stretches`         | values of `stretch`, of which the reset option `stretch` selects one |
 
     With "Disabled", a simulation that is done stands still, costs nothing and keeps its last `info` until it
     is reset with `options={"reset_mask": ...}`.
@@ -71,7 +69,6 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         render_mode: str | None = None,
         width: int = 640,
         height: int = 400,
-        stretches: Sequence[float] | None = None,
         **options: Any,
     ) -> None:
         if render_mode not in (None, *RENDER_MODES[1:]):
@@ -86,37 +83,30 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         self.render_mode, self._image_size = render_mode, (width, height)
         self.num_envs = check_count("num_envs", num_envs)
         threads = check_count("num_threads", num_threads or os.cpu_count() or 1)
-        if stretches and render_mode is not None:
-            raise OptionError("there are no images of several stretches; give one `stretch`")
-        self._stretches = tuple(map(float, stretches or (self.config.stretch,)))
-        configs = [replace(self.config, stretch=stretch) for stretch in self._stretches]
-        self._worlds = [World(config, (width, height)) for config in configs]
-        self.world = self._worlds[0]
+        self.world = World(self.config, (width, height))
         self.model = self.world.model
         self._episodes = Episodes(self.world, self.num_envs, max_episode_steps)
         self._mask_names = tuple(f"_{name}" for name in (*self._episodes.info_names, "reason"))
-        self._selected = [0] * self.num_envs
-        self._make_batch(min(threads, self.num_envs))
+        self.batch = self._make_batch(min(threads, self.num_envs))
+        self._fields = {name: self.batch.expand(name) for name in VARIED}
+        self._qpos, self._control = self.batch.bind("qpos"), self.batch.bind("ctrl")
+        self._physics = self.world.view(self.batch.bind)
         self.observation_structure = self._episodes.observer.structure
         self.single_action_space, self.single_observation_space = make_spaces(self._episodes)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._rngs: list[np.random.Generator] = []
+        self._rngs = [np.random.default_rng() for _ in range(self.num_envs)]
         self._domains = [make_nominal_domain(self.world)] * self.num_envs
         self._options: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         self._is_done = np.ones(self.num_envs, dtype=bool)
         self._renderers: list[tuple[mujoco.MjData, SceneRenderer]] = []
 
-    def _make_batch(self, num_threads: int) -> None:
-        self.batch = Batch(
-            self.model, self.num_envs, num_threads, persistent=self.config.timers or self.world.skips_static
-        )
-        is_alone = len(self._worlds) == 1
-        self._models = (
-            SharedModel(self.batch, self.world) if is_alone else IndividualModels(self.batch, self._worlds)
-        )
-        self._qpos, self._control = self.batch.bind("qpos"), self.batch.bind("ctrl")
-        self._physics = self.world.view(self.batch.bind)
+    def _make_batch(self, num_threads: int) -> Batch:
+        is_persistent = self.config.timers or self.world.skips_static
+        return Batch(self.model, self.num_envs, num_threads, persistent=is_persistent)
+
+    def _send(self, *names: str) -> None:
+        """Pass on what was written to fields of the model; this batch has it at once."""
 
     def _refresh(self) -> None:
         if not self.world.is_sliced:
@@ -126,16 +116,12 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Lay the organisms down at their starts."""
-        mask, split = split_reset(options, self.num_envs)
+        seeds, (mask, split) = list_seeds(seed, self.num_envs), split_reset(options, self.num_envs)
         rows = np.flatnonzero(mask).tolist()
-        self._seed(seed, rows)
         for row in rows:
-            stretch = split[row].pop("stretch", None)
-            if stretch is not None and stretch not in self._stretches:
-                raise OptionError(f"stretch must be one of {self._stretches}, got {stretch!r}")
-            if stretch is not None:
-                self._selected[row] = self._stretches.index(stretch)
-            self._options[row] = split[row]
+            self._options[row], one = split[row], seeds[row]
+            if one is not None:
+                self._rngs[row] = seeding.np_random(int(one))[0]
         self._begin(rows)
         info = self._make_info(mask)
         for name in Domain._fields:
@@ -143,32 +129,18 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             info[name], info[f"_{name}"] = np.where(mask, values, 0.0), mask
         return self._add_noise(self._episodes.observe(self._physics), mask), info
 
-    def _seed(self, seed: int | Sequence[int | None] | None, rows: list[int]) -> None:
-        if not self._rngs:
-            self._rngs = [seeding.np_random(None)[0] for _ in range(self.num_envs)]
-        if seed is None:
-            return
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
-        if len(seeds) != self.num_envs:
-            raise OptionError(f"{len(seeds)} seeds for {self.num_envs} environments; give one each")
-        for row in rows:
-            one = seeds[row]
-            if one is not None:
-                self._rngs[row] = seeding.np_random(int(one))[0]
-
     def _begin(self, rows: list[int]) -> None:
         """Lay down the organisms of some simulations."""
         drawn = [draw_domain(self.world, self._options[row], self._rngs[row]) for row in rows]
-        scenes = [self._worlds[self._selected[row]].scene for row in rows]
         self.batch.reset(rows, stage=0)
         for row, domain in zip(rows, drawn, strict=True):
-            world, fields = self._worlds[self._selected[row]], self._models.select(row, self._selected[row])
-            begin_episode(world, domain, fields, self._qpos[row], self._control[row])
+            fields = SimpleNamespace(**{name: values[row] for name, values in self._fields.items()})
+            begin_episode(self.world, domain, fields, self._qpos[row], self._control[row])
             self._domains[row] = domain
-        self._models.commit()
+        self._send(*VARIED)
         self.batch.forward(rows)
         self._refresh()
-        self._episodes.begin(self._physics, rows, scenes, [domain.track_speed for domain in drawn])
+        self._episodes.begin(self._physics, rows, [domain.track_speed for domain in drawn])
         self._is_done[rows] = False
 
     def step(
@@ -209,7 +181,8 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             target, speed = episodes.command(actions, some)
             self._control[:, self.world.servos] = target
             if episodes.commands.num_tracks:
-                self._models.write_track_speed(speed)
+                self.world.write_track_speed(self._fields["geom_surfacevel"], speed)
+                self._send("geom_surfacevel")
             self.batch.step(some, nstep=self.config.frame_skip)
             self._refresh()
         ticks = episodes.finish_tick(self._physics, None if count == self.num_envs else active)
@@ -275,6 +248,16 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         for _, renderer in self._renderers:
             renderer.close()
         self._renderers = []
+
+
+def list_seeds(seed: int | Sequence[int | None] | None, num: int) -> Sequence[int | None]:
+    """Return the seed of each of `num` simulations, None where its generator goes on."""
+    if seed is None:
+        return [None] * num
+    seeds = [seed + i for i in range(num)] if isinstance(seed, int | np.integer) else seed
+    if len(seeds) != num:
+        raise OptionError(f"{len(seeds)} seeds for {num} environments; give one each")
+    return seeds
 
 
 def check_count(name: str, value: float) -> int:

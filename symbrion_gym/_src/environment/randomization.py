@@ -1,20 +1,17 @@
-"""What may differ from episode to episode: how it is drawn, and the models of the simulations that hold it."""
+"""What may differ from episode to episode: how it is drawn, and how an episode begins with it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import SimpleNamespace
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
-from mujoco.batch import Batch
 
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.environment.config import RANDOM_LIMITS, RANDOM_OPTIONS
 from symbrion_gym._src.environment.world import World
-from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.tracks import compute_surface_velocity
 
 VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
@@ -117,71 +114,3 @@ def split_reset(
         for row, one in enumerate(split):
             one[name] = value if is_shared else value[row]
     return mask, split
-
-
-class LayoutError(ArenaError):
-    """Arenas differ in more than lengths, so that one batch cannot hold them."""
-
-
-class SharedModel:
-    """One model for all simulations; the batch holds what differs."""
-
-    def __init__(self, batch: Batch, world: World) -> None:
-        self._world = world
-        self._fields = {name: batch.expand(name) for name in VARIED}
-
-    def select(self, row: int, index: int) -> Any:
-        """Return the fields of a simulation's own when it begins in world `index`."""
-        del index
-        return SimpleNamespace(**{name: values[row] for name, values in self._fields.items()})
-
-    def commit(self) -> None:
-        """Do nothing: what is written is in the batch at once."""
-
-    def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
-        """Write track speeds [m/s], one per simulation, per module or per side."""
-        self._world.write_track_speed(self._fields["geom_surfacevel"], speed)
-
-
-class IndividualModels:
-    """A model for each simulation, of the world that it began in.
-
-    Models that are not in use wait in a pool, so that there are few more of them than simulations.
-    """
-
-    def __init__(self, batch: Batch, worlds: Sequence[World]) -> None:
-        self._batch, self._worlds = batch, worlds
-        self._spare: list[list[mujoco.MjModel]] = [[] for _ in worlds]
-        self._index = [0] * batch.nsim
-        self._models = [self._take(0) for _ in range(batch.nsim)]
-        for index, world in enumerate(worlds):
-            try:
-                batch.set_models(world.model)
-            except mujoco.FatalError as error:
-                raise LayoutError(
-                    f"the arenas stretched by {worlds[0].config.stretch:g} and {world.config.stretch:g} "
-                    "differ in their kinds of pieces; give each an environment of its own"
-                ) from error
-            self._spare[index].append(self._take(index))
-        self.commit()
-
-    def _take(self, index: int) -> mujoco.MjModel:
-        spare = self._spare[index]
-        return spare.pop() if spare else self._worlds[index].model.__copy__()
-
-    def select(self, row: int, index: int) -> Any:
-        """Return the model of a simulation that begins in world `index`."""
-        if self._index[row] != index:
-            self._spare[self._index[row]].append(self._models[row])
-            self._index[row], self._models[row] = index, self._take(index)
-        return self._models[row]
-
-    def commit(self) -> None:
-        """Pass to the batch what was written."""
-        self._batch.set_models(self._models)
-
-    def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
-        """Write track speeds [m/s], one per simulation, per module or per side."""
-        for row, model in enumerate(self._models):
-            self._worlds[0].write_track_speed(model.geom_surfacevel[None], speed[row : row + 1])
-        self.commit()

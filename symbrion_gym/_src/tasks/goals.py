@@ -57,7 +57,7 @@ def find_honest_along(state: TaskState) -> Bool[Any, " N"]:
 
 def find_across(state: TaskState) -> Bool[Any, " N"]:
     """Return whether the corners of all modules are beyond the edge, half a module before the finish."""
-    c, s = np.array([scene.route.direction for scene in state.scenes]).T[:, :, None, None]
+    c, s = state.scene.route.direction
     rotation, criteria = state.rotation, state.criteria
     reach = criteria.corner * state.xp.abs(c * rotation[:, :, :3] + s * rotation[:, :, 3:6]).sum(axis=2)
     edge = state.finish - state.organism.scout.pitch / 2

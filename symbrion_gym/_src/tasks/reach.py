@@ -84,16 +84,14 @@ class ReachPlaces:
         return path[:, :, :2], path[:, :, 2], path[:, :, 3], state.remember("reach_number", 0)
 
     def _list_paths(self, state: TaskState) -> Float[np.ndarray, "N C 4"]:
-        """Return the paths, the last corner repeated to `MAX_CORNERS`, so that those of all simulations fit into one
-        array."""
-        paths, length = np.zeros((state.num, MAX_CORNERS, 4)), state.organism.scout.size[0]
-        for path, scene in zip(paths, state.scenes, strict=True):
-            corners, radii = self.list_places(scene.route, length)
-            number = np.minimum(np.arange(MAX_CORNERS), len(corners) - 1)
-            path[:, :2], path[:, 2] = corners[number], radii[number]
-            legs = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
-            path[:-1, 3] = np.cumsum(legs[::-1])[::-1]
-        return paths
+        """Return the path of each simulation, the last corner repeated to `MAX_CORNERS`."""
+        corners, radii = self.list_places(state.scene.route, state.organism.scout.size[0])
+        number = np.minimum(np.arange(MAX_CORNERS), len(corners) - 1)
+        path = np.zeros((MAX_CORNERS, 4))
+        path[:, :2], path[:, 2] = corners[number], radii[number]
+        legs = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
+        path[:-1, 3] = np.cumsum(legs[::-1])[::-1]
+        return np.tile(path, (state.num, 1, 1))
 
     def find_target(self, state: TaskState) -> Float[Any, "N 2"]:
         """Return (x, y) of the corner or place that each body heads for [m]."""
@@ -198,5 +196,5 @@ def compute_length(organism: Organism) -> float:
 
 def _list_fronts(state: TaskState) -> Float[np.ndarray, "N 2"]:
     """Return the middle of the front of the object of each simulation [m]."""
-    routes: list[Any] = [scene.route for scene in state.scenes]
-    return np.array([route.face for route in routes])
+    route: Any = state.scene.route
+    return np.tile(route.face, (state.num, 1))

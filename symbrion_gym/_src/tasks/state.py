@@ -65,7 +65,7 @@ class HostArrays:
 
     xp: Any = np  # namespace of the arrays, here NumPy
     memory: dict[str, np.ndarray]  # what terms remember, name -> `[N, ...]`
-    scenes: list[Scene]  # arena and way of each simulation
+    scene: Scene  # arena and way of all simulations
 
     def may_hold(self, mask: Bool[np.ndarray, " N"]) -> bool:
         """Return whether something is so in any simulation; on a device True, as looking would take time."""
@@ -83,13 +83,6 @@ class HostArrays:
     def keep(self, name: str, values: np.ndarray, where: Bool[np.ndarray, " N"]) -> None:
         """Change what a term remembers in some simulations; see `TaskState.remember`."""
         np.copyto(self.memory[name], values, where=where)
-
-    def _group_rows(self, rows: Int[np.ndarray, " M"]) -> list[list[int]]:
-        """Return the indices of simulations in the same scene, of those in `rows`."""
-        groups: dict[int, list[int]] = {}
-        for index, row in enumerate(rows.tolist()):
-            groups.setdefault(id(self.scenes[row]), []).append(index)
-        return list(groups.values())
 
 
 class Views(NamedTuple):
@@ -144,7 +137,7 @@ class TaskState(HostArrays):
         power: `[N]` sum over the hinges of the absolute power [W].
         mean_to_finish: `[N]` mean position of the modules along the way, each counted up to the finish [m].
         memory: what terms remember, name -> `[N, ...]`; see `remember`.
-        scenes: arena and way of each simulation.
+        scene: arena and way of all simulations.
     """
 
     def __init__(
@@ -155,7 +148,7 @@ class TaskState(HostArrays):
         self.criteria = SuccessCriteria.of(scene.organism.scout)
         self._compute_progress = check_function(f"progress of {type(goal).__name__}", goal.progress)
         self._is_straight = getattr(goal, "is_straight", False)
-        self.scenes: list[Scene] = [scene] * num
+        self.scene, route = scene, scene.route
         self.measures = np.zeros((len(MEASURES), num))
         self.progress, self.way, self.tick, self.rear = self.measures[: _REAR + 1]
         self.least_left, self.lowest, self.least_up, self.least_right = self.measures[_REAR + 1 :]
@@ -168,16 +161,18 @@ class TaskState(HostArrays):
         self._up = up.T
         self._share, self._ones, self.mean_to_finish = np.full(num, 1.0 / count), np.ones(num), np.zeros(num)
         self.previous_progress, self.start_progress, self.start_way, self.start_mean = np.zeros((4, num))
-        self.finish, self.half_width, self.deepest, self.track_speed = np.zeros((4, num))
+        limits = route.finish, route.half_width, route.lowest
+        self.finish, self.half_width, self.deepest = (np.full(num, each, dtype=float) for each in limits)
         self.start_position, self._turned = np.zeros((2, num, count, 3))
-        self._finish_of_each = np.zeros((count, num))
+        self.track_speed, self._finish_of_each = np.zeros(num), np.full((count, num), route.finish)
         self.is_sound = np.ones(num, dtype=bool)
         self.success, self.failed, self.ended, self.was_ahead = np.zeros((4, num), dtype=bool)
         self.memory: dict[str, np.ndarray] = {}
         self._initial: dict[str, Initial] = {}
         self._cache: dict[str, Any] = {}
-        self._direction = np.zeros((3, num, 1))
-        self._is_along_x = self._was_sound = True
+        self._direction = np.empty((3, num, 1))
+        self._direction[:, :, 0] = np.array([*route.direction, route.lateral])[:, None]
+        self._was_sound = True
 
     def bind(self, views: Views) -> None:
         """Read from the physics of this moment, or from views of it that stay valid as it goes on."""
@@ -188,27 +183,12 @@ class TaskState(HostArrays):
         self._addends, self._sums = np.zeros((2, 2, max(hinges, modules), self.num))
         self._clipped, self._powers = self._addends[0, :modules], self._addends[1, :hinges]
         self._to_finish, self.power = self._sums[0, modules - 1], self._sums[1, -1]
-        self._find_local()
-
-    def _find_local(self) -> None:
-        self._local = self.position if self._is_along_x else self._turned
+        self._local = self.position if self.scene.is_along_x else self._turned
         self.along, self.left = self._local[:, :, 0], self._local[:, :, 1]
 
-    def begin(self, rows: Sequence[int], scenes: Sequence[Scene], track_speed: Sequence[float]) -> None:
+    def begin(self, rows: list[int], track_speed: Sequence[float]) -> None:
         """Start episodes in some simulations, from the present physics."""
-        for row, scene, speed in zip(rows, scenes, track_speed, strict=True):
-            route = scene.route
-            self.scenes[row], self.track_speed[row] = scene, speed
-            self.finish[row], self.half_width[row], self.deepest[row] = (
-                route.finish,
-                route.half_width,
-                route.lowest,
-            )
-            self._direction[:, row, 0] = *route.direction, route.lateral
-        self._finish_of_each[:] = self.finish
-        self._is_along_x = all(scene.is_along_x for scene in self.scenes)
-        self._find_local()
-        rows = list(rows)
+        self.track_speed[rows] = track_speed
         self.tick[rows] = 0.0
         for flags in (self.success, self.failed, self.ended, self.was_ahead):
             flags[rows] = False
@@ -251,7 +231,7 @@ class TaskState(HostArrays):
         """Measure the modules; what was computed of the last tick is forgotten."""
         if self._cache:
             self._cache.clear()
-        if not self._is_along_x:
+        if not self.scene.is_along_x:
             (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]
             self._turned[:, :, 0] = c * x + s * y
             self._turned[:, :, 1] = c * y - s * x - lateral
@@ -333,7 +313,7 @@ class TaskState(HostArrays):
     @property
     def organism(self) -> Organism:
         """Organism of all simulations."""
-        return self.scenes[0].organism
+        return self.scene.organism
 
     def compute_mean_along(self) -> Float[np.ndarray, " N"]:
         """Return the mean position of the modules along the way [m]."""
@@ -341,12 +321,8 @@ class TaskState(HostArrays):
 
     def compute_height(self, rows: Int[np.ndarray, " M"]) -> Float[np.ndarray, "M n"]:
         """Return `height` of some simulations alone, as looking for the ground is slow."""
-        heights = np.empty((len(rows), self.position.shape[1]))
-        for members in self._group_rows(rows):
-            x, y, z = self.position[rows[members]].reshape(-1, 3).T
-            ground = self.scenes[rows[members[0]]].find_ground(x, y, z)
-            heights[members] = (z - ground).reshape(len(members), -1)
-        return heights
+        x, y, z = self.position[rows].reshape(-1, 3).T
+        return (z - self.scene.find_ground(x, y, z)).reshape(len(rows), -1)
 
 
 _OURS = f"{__name__.partition('.')[0]}."

@@ -217,7 +217,7 @@ def _find_half(state: TaskState) -> float:
 def _find_pits(state: TaskState) -> Float[np.ndarray, "3 N"]:
     """Return near edge and far edge of the pit along the way, and the height at which its floor is touched [m]."""
     none = (np.inf, -np.inf, -np.inf)
-    pits = np.array([none if scene.route.pit is None else scene.route.pit for scene in state.scenes]).T
+    pits = np.array([state.scene.route.pit or none] * state.num).T
     pits[2] += state.criteria.touch_band
     return pits
 

@@ -84,14 +84,8 @@ def test_no_cluster_at_an_address_is_a_run_error():
 def test_tiles_on_a_cluster_are_those_of_this_process(tmp_path):
     points = np.random.default_rng(0).uniform(0, 4, (2000, 3)) * [1, 1, 0.01]
     (tmp_path / "points.f4").write_bytes(points.astype(np.float32).tobytes())
-    common = {
-        "method": "gsrm",
-        "is_raw": True,
-        "columns": 3,
-        "viewpoints": None,
-        "config": {"tile": 4.0},
-        "points": str(tmp_path / "points.f4"),
-    }
+    common = {"method": "gsrm", "is_raw": True, "columns": 3, "viewpoints": None, "config": {"tile": 4.0}}
+    common["points"] = str(tmp_path / "points.f4")
 
     def make_jobs(name: str) -> list[dict]:
         places = ((number, str(tmp_path / f"{name}_{number}.npz")) for number in range(3))

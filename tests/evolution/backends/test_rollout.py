@@ -87,8 +87,8 @@ def test_diverged_physics_affects_its_genotype_only(monkeypatch):
     expected = simulate(jobs, 1)
     run_trials = rollout._run_trials
 
-    def diverge(environment, controller, trials):
-        results = run_trials(environment, controller, trials)
+    def diverge(groups, controller):
+        results = run_trials(groups, controller)
         return {key: result._replace(diverged=key[0] == 1) for key, result in results.items()}
 
     monkeypatch.setattr(rollout, "_run_trials", diverge)
@@ -108,7 +108,8 @@ def test_environments_follow_the_config_and_the_options(monkeypatch):
     monkeypatch.setattr(rollout, "_environments", environments)
     monkeypatch.setattr(rollout, "MAX_ENVIRONMENTS", 1)
     monkeypatch.setattr(rollout, "_BATCH_SIZES", (2,))
-    short = replace(SHORT, count=1, rollout=RolloutConfig(stuck_time=1.5))
+    once = Randomization(stretch=(1.0,))
+    short = replace(SHORT, count=1, rollout=RolloutConfig(stuck_time=1.5), randomization=once)
     for options, stuck_time in ((), 1.5), ((("stuck_time", 0.5),), 0.5):
         simulate([Job(np.zeros(8), replace(short, environment=(("duration", 0.1), *options)))], 1)
         (environment,) = environments.values()
@@ -211,11 +212,6 @@ def test_jobs_of_the_others_are_tried_together(monkeypatch):
         for number, text in enumerate((ROW, WIDE, ".", ROW, WIDE))
     ]
     outcomes = rollout.simulate_bodies(jobs, 2)
-    assert [outcome.error for outcome in outcomes] == [
-        "tried 0",
-        "the environment cannot be made: too wide",
-        "tried 2",
-        "tried 3",
-        "the environment cannot be made: too wide",
-    ]
+    wide = "the environment cannot be made: too wide"
+    assert [outcome.error for outcome in outcomes] == ["tried 0", wide, "tried 2", "tried 3", wide]
     assert calls == [5, 2, 2, 1]

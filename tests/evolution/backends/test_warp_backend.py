@@ -83,14 +83,6 @@ def test_a_generation_runs_on_the_cpu_device(tmp_path):
     assert len(run.history) == 1
     assert not any(entry.outcome.error for entry in run.record.entries)
     sample = run.record.entries[0]
-    again = evaluate(
-        sample.genotype,
-        arena="truth",
-        modules=3,
-        trials=1,
-        controller="path",
-        pit=0.2,
-        duration=4.0,
-        backend="warp",
-    )
+    options = {"arena": "truth", "modules": 3, "trials": 1, "controller": "path", "pit": 0.2, "duration": 4.0}
+    again = evaluate(sample.genotype, **options, backend="warp")
     assert again.outcomes[0].seconds > 0.0

@@ -5,7 +5,6 @@ import pytest
 import reconstruction._src.base.extras
 from reconstruction._src.base.extras import MissingExtraError
 from symbrion_gym._src.environment.making import make_vector_env
-from symbrion_gym._src.environment.randomization import LayoutError
 from symbrion_gym._src.errors import OptionError
 
 
@@ -24,7 +23,19 @@ def test_one_line_names_the_command_where_the_extra_is_missing(monkeypatch):
         ({"backend": "mujoco", "array": "jax"}, OptionError, "array='jax' needs backend='warp'"),
         ({"num_threads": 2}, OptionError, "num_threads is 2, but backend 'warp' has a device"),
         ({"timers": True}, OptionError, "backend 'warp' has no timers"),
-        ({"stretches": (0.9, 1.0)}, LayoutError, "holds one arena, and there are stretches"),
+        ({"arenas": ["truth"]}, OptionError, "holds one arena in a batch; give arena in place"),
+        ({"backend": "mujoco", "arenas": []}, OptionError, "one or more arenas"),
+        ({"backend": "mujoco", "arenas": "truth"}, OptionError, "one or more arenas, got 'truth'"),
+        (
+            {"backend": "mujoco", "arenas": ["truth"] * 3},
+            OptionError,
+            "num_envs is 2, but there are 3 arenas",
+        ),
+        (
+            {"backend": "mujoco", "arenas": ["truth"], "arena": "gsrm"},
+            OptionError,
+            "'arena' and 'arenas' both",
+        ),
     ],
 )
 def test_what_does_not_go_together_is_refused_by_name(options, error, message):

@@ -21,11 +21,6 @@ from symbrion_gym._src.registration import ENVIRONMENTS
 from symbrion_gym._src.robot.scout_constants import SensorNoise
 
 EXTRA_SENSORS = ("odometry", "track_odometry", "laser", "hinge_target", "dock_force")
-TERRAIN = {"arena": "truth", "start": (-2.0, 0.0), "goal": (1.9, 0.2)}
-
-
-def _options(name):
-    return TERRAIN if "Terrain" in name else {}
 
 
 @pytest.mark.parametrize("name", list(ENVIRONMENTS))
@@ -33,7 +28,7 @@ def test_every_id_passes_the_checker_without_warnings(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", ".*out of date")  # of every v0 that has a v1
-        env = gym.make(name, modules=3, **_options(name))
+        env = gym.make(name, modules=3)
         check_env(env.unwrapped, skip_render_check=True)
         env.close()
 
@@ -324,7 +319,7 @@ def test_timers_are_in_info_where_asked_for():
 
 
 def test_terrain_finds_its_way_between_two_places():
-    env = OrganismEnv(modules=3, **TERRAIN, track_speed=0.2)
+    env = OrganismEnv(modules=3, arena="truth", start=(-2.0, 0.0), goal=(1.9, 0.2), track_speed=0.2)
     _, info = env.reset(seed=0)
     start = info["x_position"]
     for _ in range(100):

@@ -1,11 +1,15 @@
 """Many at once: equal to one at a time, to the bit."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
+import trimesh
 from gymnasium.vector import AutoresetMode
 from side_by_side import assert_equal_ticks
 
+from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.robot.organism import cross, snake
@@ -119,18 +123,30 @@ def test_timers_of_a_batch_can_be_read():
     assert measured.physics_us > measured.collision_us > 0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_many_static_pieces_are_left_out_of_steps_to_the_bit():
+    truth = load_arena("truth")
+    boxes = [trimesh.creation.box((0.1, 0.1, 0.1)).apply_translation((0.2 * i, 5.0, 0.0)) for i in range(300)]
+    options = {"modules": 4, "arena": replace(truth, pieces=[*truth.pieces, *boxes])}
+    vector = OrganismVectorEnv(2, num_threads=2, autoreset_mode="Disabled", **options)
+    one, all_steps = OrganismEnv(**options), OrganismEnv(**{**options, "arena": truth})
+    vector.reset(seed=[0, 0])
+    for env in (one, all_steps):
+        env.reset(seed=0)
+    far = one.model.geom(f"arena_piece_{len(truth.pieces) + 299}").id
+    one.data.geom_xpos[far] = 9.0
+    assert_equal_ticks(vector, [one, all_steps], 40, np.random.default_rng(0))
+    np.testing.assert_array_equal(one.data.geom_xpos[far], 9.0)  # no step has put it back
+
+
+def test_bad_arguments_are_refused():
+    for arguments, message in (
         ({"num_envs": 0}, "num_envs must be"),
-        ({"num_envs": 2, "num_thread": 2}, "there are: num_threads, "),
-        ({"num_envs": 2, "num_threads": -1}, "num_threads must be"),
-        ({"num_envs": 2, "render_mode": "human"}, "no render mode"),
-    ],
-)
-def test_bad_arguments_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        OrganismVectorEnv(**arguments)
+        ({"num_thread": 2}, "there are: num_threads, "),
+        ({"num_threads": -1}, "num_threads must be"),
+        ({"render_mode": "human"}, "no render mode"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            OrganismVectorEnv(**arguments)
 
 
 def test_bad_resets_and_actions_are_refused():

@@ -42,7 +42,7 @@ def is_honest(world: World, *paths: np.ndarray) -> np.ndarray:
     state = TaskState(world.scene, world.task.goal, count, DT, np.zeros((count, COUNT - 1)))
     state.bind(Views(position, rotation, np.zeros((count, 8)), *np.zeros((2, count, COUNT - 1))))
     watch = Watch(world.task, state)
-    state.begin(range(count), [world.scene] * count, [TRACK_SPEED] * count)
+    state.begin([*range(count)], [TRACK_SPEED] * count)
     watch.begin(range(count))
     for tick in range(1, TICKS):
         position[:] = [path[tick] for path in paths]
@@ -88,13 +88,13 @@ def test_a_new_episode_forgets_it(world):
     state = TaskState(world.scene, world.task.goal, 1, DT, np.zeros((1, COUNT - 1)))
     position = make_path(0.0)[:1]
     state.bind(Views(position, UPRIGHT[None], np.zeros((1, 8)), *np.zeros((2, 1, COUNT - 1))))
-    state.begin([0], [world.scene], [TRACK_SPEED])
+    state.begin([0], [TRACK_SPEED])
     position[..., 0] += 0.2
     state.advance(None, is_sound=True)
     state.note_lead()
     assert state.was_ahead[0]
     assert state.way[0] - state.start_way[0] == pytest.approx(0.2)
-    state.begin([0], [world.scene], [TRACK_SPEED])
+    state.begin([0], [TRACK_SPEED])
     assert not state.was_ahead[0]
     state.advance(None, is_sound=True)
     assert state.way[0] == state.start_way[0]

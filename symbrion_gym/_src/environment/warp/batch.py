@@ -8,12 +8,12 @@ from typing import Any, cast
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 from mujoco.batch import Batch
 
 from reconstruction._src.base.extras import require_extras
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, check_count
-from symbrion_gym._src.environment.randomization import VARIED, LayoutError, SharedModel
+from symbrion_gym._src.environment.randomization import VARIED
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
 
@@ -240,27 +240,6 @@ def list_columns(world: World) -> dict[str, Int[np.ndarray, " C"]]:
     }
 
 
-class _WarpModel(SharedModel):
-    """One model for all simulations of a `WarpBatch`, to which it passes on what was written."""
-
-    def __init__(self, batch: WarpBatch, world: World) -> None:
-        super().__init__(cast(Batch, batch), world)
-        self._batch, self._columns = batch, list_columns(world)
-        self._indices = {name: batch.make_indices(columns) for name, columns in self._columns.items()}
-
-    def commit(self) -> None:
-        for name in self._columns:
-            self._write(name)
-
-    def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
-        super().write_track_speed(speed)
-        self._write("geom_surfacevel")
-
-    def _write(self, name: str) -> None:
-        values = self._fields[name].reshape(self._batch.nsim, -1)[:, self._columns[name]]
-        self._batch.write(name, values, self._indices[name])
-
-
 class WarpVectorEnv(OrganismVectorEnv):
     """Many `OrganismEnv` at once whose physics runs on a device, in single precision; see the page on GPUs.
 
@@ -274,25 +253,24 @@ class WarpVectorEnv(OrganismVectorEnv):
         device: str | None = None,
         max_contacts: int | None = None,
         num_threads: int | None = None,
-        stretches: Sequence[float] | None = None,
         **options: Any,
     ) -> None:
         if num_threads not in (None, 1):
             raise OptionError(f"num_threads is {num_threads}, but backend 'warp' has a device; leave it out")
         if options.get("timers"):
             raise OptionError("backend 'warp' has no timers; leave out the option timers")
-        if stretches is not None and len(stretches) > 1:
-            raise LayoutError(
-                f"backend 'warp' holds one arena, and there are stretches {tuple(stretches)}; give each an environment "
-                "of its own, with the option stretch"
-            )
         import_warp()
         self._device_options = device, max_contacts
-        super().__init__(num_envs, 1, stretches=stretches, **options)
+        super().__init__(num_envs, 1, **options)
 
-    def _make_batch(self, num_threads: int) -> None:
+    def _make_batch(self, num_threads: int) -> Batch:
         del num_threads
         batch = WarpBatch(self.model, self.num_envs, *self._device_options)
-        self.batch, self._models = cast(Batch, batch), _WarpModel(batch, self.world)
-        self._qpos, self._control = batch.bind("qpos"), batch.bind("ctrl")
-        self._physics = self.world.view(batch.bind)
+        self._columns = list_columns(self.world)
+        self._indices = {name: batch.make_indices(columns) for name, columns in self._columns.items()}
+        return cast(Batch, batch)
+
+    def _send(self, *names: str) -> None:
+        for name in names:
+            values = self._fields[name].reshape(self.num_envs, -1)[:, self._columns[name]]
+            cast(WarpBatch, self.batch).write(name, values, self._indices[name])

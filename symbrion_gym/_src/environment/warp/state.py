@@ -107,9 +107,9 @@ class DeviceState:
 
     def __init__(self, world: World, num: int) -> None:
         """Begin with what no episode changes."""
-        self._scene, self._ground, self._goal = world.scene, DeviceGround(world.scene), world.task.goal
+        self.scene, self._ground, self._goal = world.scene, DeviceGround(world.scene), world.task.goal
         self._dofs, self._servos = world.hinge_dof, world.hinge_servos
-        self.num, self.dt, self.scenes = num, world.config.dt, [world.scene] * num
+        self.num, self.dt = num, world.config.dt
         self.criteria = SuccessCriteria.of(world.organism.scout)
         self.arena, self.organism, self.route = world.arena, world.organism, world.route
         limits = self.route.finish, self.route.half_width, self.route.lowest
@@ -134,7 +134,7 @@ class DeviceState:
         self.success = self.failed = self.ended = jnp.zeros(self.num, dtype=bool)
         self.is_sound = (jnp.abs(self.qvel) < self.criteria.max_rate).all(axis=1)
         x, y, z = (self.position[:, :, i] for i in range(3))
-        (c, s), is_along_x = self.route.direction, self._scene.is_along_x
+        (c, s), is_along_x = self.route.direction, self.scene.is_along_x
         self.along = x if is_along_x else c * x + s * y
         self.left = y if is_along_x else c * y - s * x - self.route.lateral
         self.local = jnp.stack([self.along, self.left, z], axis=2)
