@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from reconstruction._src.knowledge.slip.patches import FrictionEstimate
     from reconstruction._src.methods import NetworkConfig, State
     from reconstruction._src.scans.slip_readings import SlipReadings
-    from reconstruction._src.surfaces.color import ColorError, Paint
     from reconstruction._src.surfaces.quality import Quality
 
 logger = logging.getLogger(__name__)
@@ -149,23 +148,6 @@ class Reconstruction:
         if truth is not None and self.offset.any():
             truth = truth.copy().apply_translation(-self.offset)
         return measure_quality(self.mesh, self.readings.points, truth)
-
-    def color_error(self, truth: Paint | trimesh.Trimesh, edge: float = 0.05, seed: int = 0) -> ColorError:
-        """Compare the vertex colors with the true ones, at samples of the mesh.
-
-        Args:
-            truth: returns the true colors (0 to 1) of positions `[N, 3]` in the frame of the points given [m]; or a
-                mesh there with vertex colors.
-            edge: samples nearer than this to a change of the true colors are told apart [m].
-            seed: of the samples.
-
-        Raises:
-            ReconstructionError: the points or the truth have no colors.
-        """
-        from reconstruction._src.surfaces.color import measure_color_error
-
-        mesh = self.mesh.copy().apply_translation(self.offset) if self.offset.any() else self.mesh
-        return measure_color_error(mesh, truth, edge, seed=seed)
 
     def refine(
         self,

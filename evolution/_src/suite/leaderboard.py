@@ -42,8 +42,7 @@ class Row(NamedTuple):
 
     task: str  # name of the task
     submission: str  # name of the submission
-    # by successes in the truth: "1", "2=" where several have as many, "–" without any success or not all seeds
-    place: str
+    place: str  # by successes in the truth: "1", "2=" of ties; "–" without any success, or without all seeds
     seeds: int  # how many there are
     truth: Estimate  # successes in the truth, of `TRIALS`
     scan: Estimate  # successes on the scan, of `TRIALS`
@@ -65,10 +64,7 @@ def rank(exam: Exam) -> list[Row]:
         )
         own = [_sum_up(list(each)) for _, each in groupby(results, key=lambda each: each.submission)]
         means = [row.truth.mean for row in own if row.seeds == len(SEEDS)]
-        own = [
-            row._replace(place=_find_place(row.truth.mean, means)) if row.seeds == len(SEEDS) else row
-            for row in own
-        ]
+        own = [row._replace(place=_find_place(row, means)) for row in own]
         rows += sorted(own, key=lambda row: (-row.truth.mean, -row.fitness, row.submission))
     return rows
 
@@ -95,10 +91,10 @@ def estimate(values: Sequence[float]) -> Estimate:
     return Estimate(mean, *map(float, found.confidence_interval))
 
 
-def _find_place(mean: float, means: Sequence[float]) -> str:
-    if mean <= 0.0:
+def _find_place(row: Row, means: Sequence[float]) -> str:
+    if row.truth.mean <= 0.0 or row.seeds < len(SEEDS):
         return "–"
-    return f"{1 + sum(each > mean for each in means)}{'=' * (means.count(mean) > 1)}"
+    return f"{1 + sum(each > row.truth.mean for each in means)}{'=' * (means.count(row.truth.mean) > 1)}"
 
 
 def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:

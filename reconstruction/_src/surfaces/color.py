@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -14,7 +13,6 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.rows import Points
-from reconstruction._src.geometry.sampling import sample_area
 from reconstruction._src.scans.cloud import Cloud
 
 WHITE = 255  # The largest value of a channel in bytes
@@ -114,66 +112,4 @@ def match_colors(known: Cloud, added: Cloud) -> tuple[Cloud, str]:
     return added.replace(colors=colors), f"{added.num_points} new readings without took those around them"
 
 
-def interpolate_colors(mesh: trimesh.Trimesh, colors: UInt8[np.ndarray, "V 3"], places: Points) -> Points:
-    """Return the colors of the nearest places on a mesh, 0 to 255, between those of its vertices."""
-    import igl
-
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-    faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
-    _, found, nearest = igl.point_mesh_squared_distance(np.ascontiguousarray(places), vertices, faces)
-    face = np.asarray(found, dtype=np.int64)
-    corners = vertices[faces[face]]
-    weights = trimesh.triangles.points_to_barycentric(corners, np.asarray(nearest))
-    weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
-    weights /= weights.sum(axis=1, keepdims=True)
-    return np.einsum("nc,nci->ni", weights, colors[faces[face]].astype(np.float64))
-
-
 Paint = Callable[[Points], ArrayLike]  # Returns the colors of positions [m], 0 to 1
-_NUM_SAMPLES = 20_000  # Places of a surface at which its colors are compared
-_EDGE_STEP = 0.1  # A change of a channel by more than this is an edge, of 1
-
-
-class ColorError(NamedTuple):
-    """How far the colors of a surface are from the true ones; of 1, over red, green and blue."""
-
-    rmse: float  # root of the mean square, away from the edges of the true colors
-    p95: float  # 95th percentile of the absolute difference there
-    rmse_everywhere: float  # with the edges
-    away: float  # share of the samples that are away from edges
-
-
-def measure_color_error(
-    mesh: trimesh.Trimesh, truth: Paint | trimesh.Trimesh, edge: float = 0.05, seed: int = 0
-) -> ColorError:
-    """Compare the vertex colors of a mesh with the true ones at samples of its surface."""
-    colors = find_vertex_colors(mesh)
-    if colors is None:
-        raise ReconstructionError("the mesh has no vertex colors; give reconstruct() colored points")
-    if isinstance(truth, trimesh.Trimesh):
-        true_colors = find_vertex_colors(truth)
-        if true_colors is None:
-            raise ReconstructionError(
-                "the true mesh has no vertex colors; give a function of positions instead"
-            )
-        ask = partial(_ask_mesh, truth, true_colors)
-    else:
-        ask = truth
-    places = sample_area(np.asarray(mesh.vertices), np.asarray(mesh.faces), _NUM_SAMPLES, seed)
-    found = interpolate_colors(mesh, colors, places) / WHITE
-    true = np.asarray(ask(places), dtype=np.float64)
-    away = np.ones(len(places), dtype=bool)  # from edges: the colors are the same all around
-    for step in edge * np.concatenate([-np.eye(3), np.eye(3)]):
-        away &= (np.abs(np.asarray(ask(places + step), dtype=np.float64) - true) <= _EDGE_STEP).all(axis=1)
-    error = np.abs(found - true)
-    rest = error[away] if away.any() else np.full((1, 3), np.nan)
-    return ColorError(
-        float(np.sqrt((rest**2).mean())),
-        float(np.percentile(rest, 95)),
-        float(np.sqrt((error**2).mean())),
-        float(away.mean()),
-    )
-
-
-def _ask_mesh(mesh: trimesh.Trimesh, colors: UInt8[np.ndarray, "V 3"], places: Points) -> Points:
-    return interpolate_colors(mesh, colors, places) / WHITE

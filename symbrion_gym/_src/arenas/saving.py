@@ -185,13 +185,8 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
 def _load_geometry(folder: Path, about: _Description) -> dict[str, Any]:
     """Return the fields of an `Arena` that are geometry."""
     meshes, real = folder / about.place, Path(os.path.realpath(folder)) / about.place
-    names = (
-        "surface.obj",
-        TEXTURE_FILE,
-        "height_field.npz",
-        *(f"pieces/{i:03d}.obj" for i in range(about.num_pieces)),
-    )
-    for name in names:
+    pieces = [f"pieces/{index:03d}.obj" for index in range(about.num_pieces)]
+    for name in ("surface.obj", TEXTURE_FILE, "height_field.npz", *pieces):
         if os.path.realpath(meshes / name) != str(real / name):
             raise ArenaError(f"{meshes / name} is a link to elsewhere; put the file itself there")
     surface, uv = load_obj(meshes / "surface.obj")

@@ -11,12 +11,9 @@ from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.surfaces import color
 from reconstruction._src.surfaces.color import (
     ColorSource,
-    add_alpha,
     copy_vertex_colors,
     find_vertex_colors,
-    interpolate_colors,
     match_colors,
-    measure_color_error,
     paint_mesh,
 )
 
@@ -32,6 +29,11 @@ def make_sheet(num: int = 4000, seed: int = 0) -> Cloud:
 
 def paint(places):
     return np.where(np.asarray(places)[:, :1] < 0, RED, BLUE) / 255
+
+
+def check_painted(made):
+    away = np.abs(made.mesh.vertices[:, 0]) > 0.15  # from the edge between both colors
+    assert np.abs(made.vertex_colors[away] / 255 - paint(made.mesh.vertices[away])).max() < 0.05
 
 
 def test_a_place_on_a_point_among_equal_ones_takes_their_color():
@@ -80,7 +82,7 @@ def test_both_networks_carry_colors_and_the_surface_stays_the_same(method):
     assert np.array_equal(colored.mesh.faces, plain.mesh.faces)
     assert colored.vertex_colors is not None
     assert colored.vertex_colors.dtype == np.uint8
-    assert colored.color_error(paint, edge=0.15).rmse < 0.02
+    check_painted(colored)
     again = rc.reconstruct(cloud, method, units=200)
     assert np.array_equal(colored.vertex_colors, again.vertex_colors)
 
@@ -89,7 +91,7 @@ def test_readings_color_the_surface_where_the_points_have_none(tmp_path):
     cloud = make_sheet()
     made = rc.reconstruct(Cloud(cloud.points[::2]), units=200, readings=cloud)
     assert made.colors is None
-    assert made.color_error(paint, edge=0.15).rmse < 0.02
+    check_painted(made)
     made.save(tmp_path / "made.npz")
     assert np.array_equal(rc.Reconstruction.load(tmp_path / "made.npz").vertex_colors, made.vertex_colors)
 
@@ -104,7 +106,7 @@ def test_colors_survive_refine():
     assert with_colors.vertex_colors is not None
     assert "colors" not in with_colors.notes
     without = first.refine(green.points)
-    assert without.color_error(paint, edge=0.15).rmse < 0.02
+    check_painted(without)
     assert "1000 new readings" in without.notes["colors"]
 
 
@@ -116,13 +118,6 @@ def test_colors_of_new_readings_alone_are_dropped_with_a_word():
     assert match_colors(Cloud(np.eye(3)), Cloud(np.eye(3)))[1] == ""
 
 
-def test_colors_between_vertices_are_mixed():
-    mesh = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False)
-    colors = np.array([[0, 0, 0], [100, 0, 0], [0, 200, 0]], np.uint8)
-    found = interpolate_colors(mesh, colors, np.array([[0.5, 0.0, 0.3], [0.0, 0.5, 0.0]]))
-    assert found == pytest.approx(np.array([[50, 0, 0], [0, 100, 0]]))
-
-
 def test_a_copy_has_the_colors_of_its_model():
     mesh = trimesh.creation.box()
     target = mesh.copy()
@@ -131,32 +126,3 @@ def test_a_copy_has_the_colors_of_its_model():
     paint_mesh(mesh, Cloud(np.array([[0, 0, 0.0], [9, 9, 9], [9, 0, 0]]), np.full((3, 3), 9, np.uint8)))
     copy_vertex_colors(mesh, target)
     assert (find_vertex_colors(target) == 9).all()
-
-
-def make_colored(value: int) -> trimesh.Trimesh:
-    mesh = trimesh.creation.box()
-    mesh.visual = trimesh.visual.ColorVisuals(
-        mesh, vertex_colors=add_alpha(np.full((len(mesh.vertices), 3), value, np.uint8))
-    )
-    return mesh
-
-
-def test_edges_are_told_apart():
-    def paint(places):
-        return np.repeat(np.where(places[:, :1] < 0, 0.4, 0.9), 3, axis=1)
-
-    error = measure_color_error(make_colored(102), paint)
-    assert 0.8 < error.away < 1.0
-    assert error.rmse_everywhere > 0
-
-
-def test_a_colored_mesh_can_be_the_truth():
-    assert measure_color_error(make_colored(51), make_colored(51)).rmse == pytest.approx(0.0, abs=1e-12)
-    assert measure_color_error(make_colored(51), make_colored(102)).rmse == pytest.approx(0.2)
-
-
-def test_what_has_no_colors_is_refused():
-    with pytest.raises(ReconstructionError, match="vertex colors"):
-        measure_color_error(trimesh.creation.box(), lambda places: places)
-    with pytest.raises(ReconstructionError, match="true mesh"):
-        measure_color_error(make_colored(1), trimesh.creation.box())
