@@ -37,14 +37,14 @@ _CLIMB = {**_ROW, "default_arena": "stairs"}
 _LONE = {"default_arena": "gsrm", "default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _SPECS: dict[str, _Entry] = {
     "SnakePit-v1": ({"randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.0),
-    "CrossGap-easy-v0": _task("cross_gap", 2.9, **_ROW),
+    "CrossGap-easy-v0": _task("cross_gap", 3.0, **_ROW),
     "CrossGap-v0": _task("cross_gap", 2.8, **_ROW, default_organism=5, default_pit=0.35),
     "Climb-easy-v0": _task("climb", 2.2, **_CLIMB, default_organism=3),
     "Climb-v0": _task("climb", 2.3, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.07}}),
     "Climb-hard-v0": _task(
         "climb", 2.3, **_CLIMB, default_organism=5, default_course={"stairs": {"rise": 0.09}}
     ),
-    "Traverse-v0": _task("traverse", 4.4, **_ROW, default_arena="gsrm"),
+    "Traverse-v0": _task("traverse", 4.1, **_ROW, default_arena="gsrm"),
     "Reach-easy-v0": _task("reach", 2.1, {"distance": 1.5}, **_LONE, sensors=(*DEFAULT_SENSORS, "goal")),
 }
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
