@@ -1,13 +1,11 @@
-"""Draw the pictures of the pages: `python docs/pictures.py [results | course | rover | bodies]`, from the root.
+"""Draw the pictures of the pages: `python docs/pictures.py [crossing | course | rover | bodies]`, from the root.
 Without a display, films need the environment variable `MUJOCO_GL=egl`.
 
-"results" draws only what comes from `benchmarks/results`: the success of zero actions by the width of the pit, and the
-crossing of the first champion. "course" draws only the course and its success check,
+"crossing" draws only the crossing of a champion that it evolves, "course" only the course and its success check,
 "rover" only the rover of the examples, "bodies" only all small bodies.
 """
 
 import io
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -33,7 +31,6 @@ from evolution._src.report.figures import draw_bodies, to_png
 from evolution._src.search.bodies.genome import enumerate_bodies
 
 FOLDER = Path(__file__).parent / "images"
-RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 GAP = 8
 """Gap between the moments of a crossing [pixel]."""
 FILM_FROM = -1.2
@@ -108,11 +105,10 @@ def draw_pieces(arena: sg.Arena) -> None:
     _write(pixels, "pieces.png")
 
 
-def draw_crossing(results: dict[str, Any]) -> None:
-    """Draw six moments of the first champion's trial in the true course, and the whole trial as a moving picture."""
-    found = results["champions"]["runs"][0]["champions"][-1]["champion"]
-    champion = ev.Champion.from_dict(found)
-    film = ev.play(champion, "truth", film=True, speed=1.0)
+def draw_crossing() -> None:
+    """Evolve a champion on the scan; draw six moments of its trial in the true course, and all of it as a film."""
+    run = ev.evolve(ev.EvolutionConfig(arena="gsrm", seed=0, generations=30, workers=2))
+    film = ev.play(run.champion, "truth", film=True, speed=1.0)
     heads = film.positions[:: max(1, len(film.positions) // len(film.frames)), 0, 0][: len(film.frames)]
     moments = [film.frames[int(np.argmax(heads > place))] for place in (-1.0, -0.35, -0.1, 0.12, 0.35, 0.9)]
     height, width, _ = moments[0].shape
@@ -240,57 +236,6 @@ def _draw_module(
     axis.add_patch(Polygon(corners + np.array([x, z]), facecolor=fill, edgecolor=color, lw=1.2, ls=style))
 
 
-def draw_baselines(results: dict[str, Any]) -> None:
-    """Draw the share of successful trials with zero actions, by pit, modules and friction."""
-    rows = {
-        "modules": {name[7:]: part for name, part in results.items() if name.startswith("widths/")},
-        "friction": {name[10:]: part for name, part in results.items() if name.startswith("frictions/")},
-    }
-    figure, axes = plt.subplots(2, 1, figsize=(9, 4.6), height_ratios=[3, 4], layout="constrained")
-    for axis, (label, parts) in zip(axes, rows.items(), strict=True):
-        pits = list(next(iter(parts.values()))["successes"])
-        shares = [[100 * part["successes"][pit] / part["trials"] for pit in pits] for part in parts.values()]
-        axis.imshow(shares, vmin=0, vmax=100, cmap="Oranges", aspect="auto")
-        for (row, column), share in np.ndenumerate(np.array(shares)):
-            axis.text(column, row, f"{share:.0f}", ha="center", va="center", color="w" if share > 60 else "k")
-        axis.set_yticks(range(len(parts)), list(parts))
-        axis.set_xticks(range(len(pits)), [pit[2:] for pit in pits])
-        trials = next(iter(parts.values()))["trials"]
-        within = "friction 0.55 to 0.9" if label == "modules" else "8 modules"
-        axis.set(ylabel=label, title=f"{within}, {trials} trials per cell")
-    axes[-1].set_xlabel("width of the pit [cm]")
-    figure.colorbar(axes[-1].images[0], ax=axes, label="successful trials [%]")
-    _save(figure, "baselines.png")
-
-
-def draw_learning(results: dict[str, Any]) -> None:
-    """Draw the share of successes while learning over the robot-seconds spent, a panel per environment."""
-    runs = {part: run for part, run in results.items() if part.startswith("learning/") and run["curve"]}
-    names = list(dict.fromkeys(part.split("/")[1] for part in runs))
-    colors = {"cmaes": "tab:orange", "ppo": "tab:blue", "sac": "tab:green"}
-    columns = min(len(names), 4)
-    rows = -(-len(names) // columns)
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(2.6 * columns, 2.3 * rows), layout="constrained", sharey=True
-    )
-    panels = dict(zip(names, np.ravel(axes), strict=False))
-    for part, run in runs.items():
-        _, name, algorithm, _ = part.split("/")
-        seconds, shares = np.array(run["curve"]).T
-        panels[name].plot(seconds, 100 * shares, color=colors[algorithm], marker=".", label=algorithm)
-        panels[name].set(title=name, xlabel="robot-seconds", ylim=(-5, 105))
-    for axis in panels.values():
-        axis.set_xlim(left=0)
-        handles, labels = axis.get_legend_handles_labels()
-        axis.legend(
-            *zip(*dict(zip(labels, zip(handles, labels, strict=True), strict=True)).values(), strict=True)
-        )
-    np.ravel(axes)[0].set_ylabel("successes while learning [%]")
-    for axis in np.ravel(axes)[len(names) :]:
-        axis.set_axis_off()
-    _save(figure, "learning.png")
-
-
 def _add_faces(axis: Any, triangles: np.ndarray, colors: np.ndarray, edge: str) -> None:
     axis.add_collection3d(
         Poly3DCollection(
@@ -302,10 +247,6 @@ def _add_faces(axis: Any, triangles: np.ndarray, colors: np.ndarray, edge: str) 
     axis.set_box_aspect(high - low, zoom=1.5)
     axis.view_init(elev=28, azim=-62)
     axis.set_axis_off()
-
-
-def _load_results(name: str) -> dict[str, Any]:
-    return json.loads((RESULTS / f"{name}.json").read_text())["results"]
 
 
 def _save(figure: Figure, name: str) -> None:
@@ -330,23 +271,6 @@ def _write_film(frames: list[np.ndarray], name: str) -> None:
     first.save(FOLDER / name, save_all=True, append_images=others, duration=80, loop=0, optimize=True)
 
 
-def draw_docking_times(results: dict[str, Any]) -> None:
-    """Draw the distributions of docking times: real robots, and simulated ones of the judged half."""
-    figure, axis = plt.subplots(figsize=(7, 3.6), layout="constrained")
-    shown = {
-        "real robots, half that parameters were fitted on": ("hardware_fitted", "0.6", "--"),
-        "real robots, other half": ("hardware_judged", "k", "-"),
-        "simulated, other half": ("simulated_judged", "C1", "-"),
-    }
-    for label, (name, color, style) in shown.items():
-        part = results[name]
-        share = 100 * np.arange(1, part["locked"] + 1) / part["trials"]
-        axis.step(part["seconds"], share, where="post", color=color, linestyle=style, label=label)
-    axis.set(xlabel="LocateBeacon to Locking [s]", ylabel="trials locked [%]", xlim=(0, 240), ylim=(0, 100))
-    axis.legend(loc="lower right")
-    _save(figure, "docking_times.png")
-
-
 def draw_small_bodies() -> None:
     """Draw all bodies of 1 to 4 modules."""
     bodies = [body for count in range(1, 5) for body in enumerate_bodies(count)]
@@ -362,16 +286,12 @@ def main() -> None:
         draw_small_bodies()
     if sys.argv[1:] in (["rover"], ["bodies"]):
         return
-    draw_course()
+    if sys.argv[1:] != ["crossing"]:
+        draw_course()
     if sys.argv[1:] == ["course"]:
         return
-    draw_baselines(_load_results("baselines"))
-    draw_learning(_load_results("baselines"))
-    draw_crossing(_load_results("evolution"))
-    docking = _load_results("swarm").get("docking", {}) if (RESULTS / "swarm.json").is_file() else {}
-    if "simulated_judged" in docking:
-        draw_docking_times(docking)
-    if sys.argv[1:] == ["results"]:
+    draw_crossing()
+    if sys.argv[1:] == ["crossing"]:
         return
     draw_colors()
     if sys.argv[1:] == ["colors"]:

@@ -170,7 +170,7 @@ def _make(found: Any, organism: Organism, num_tracks: int, what: str, arguments:
     if not callable(found):
         raise RunError(f"controller {what!r} is {found!r}, which is no controller; {_ADVICE}")
     try:
-        if arguments is not None and is_dataclass(found):
+        if arguments is not None and isinstance(found, type) and is_dataclass(found):
             return found(**dict(arguments))
         parameters = inspect.signature(found).parameters
         options = {"num_tracks": num_tracks} if "num_tracks" in parameters else {}
