@@ -36,7 +36,12 @@ POSIX_NAMES = {
     "start_new_session", "clock_gettime", "pthread_kill", "wait4", "waitid",
 }  # fmt: skip
 """Attributes of `os`, `signal` and `time`, and options of `subprocess`, that Windows lacks."""
-GUARDED = {("reconstruction/_src/base/cache.py", "getuid")}  # behind hasattr
+EXAM = "evolution/_src/suite/exam.py"
+GUARDED = {
+    ("reconstruction/_src/base/cache.py", "getuid"),
+    *((EXAM, name) for name in ("killpg", "setsid", "SIGKILL")),
+}
+"""Behind hasattr."""
 
 
 def find_posix(source: str) -> set[str]:

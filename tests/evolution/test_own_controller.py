@@ -131,4 +131,4 @@ def test_the_command_line_finds_a_module_in_the_working_folder(tmp_path, monkeyp
     with pytest.raises(SystemExit) as end:
         main([*words.split(), "--population-size", "4", "--folder", str(tmp_path / "run")])
     assert end.value.code == 0
-    assert ev.load_champion(tmp_path / "run").controller.source == "nearby_controller:Wave"
+    assert ev.load_champion(tmp_path / "run").controller.source == "own_controllers:Wave"

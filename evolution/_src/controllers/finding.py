@@ -41,7 +41,11 @@ class ControllerSource:
     def make(self, organism: Organism, num_tracks: int) -> Any:
         """Return the controller for a body."""
         self.allow(())
-        made = _make(find_value(self.source, "controller"), organism, num_tracks, self.source, self.arguments)
+        found, module = find_value(self.source, "controller"), self.source.partition(":")[0]
+        home = str(getattr(found, "__module__", None) or type(found).__module__)
+        if not _is_controller(found) and home != module and not home.startswith(f"{module}."):
+            raise RunError(f"controller {self.source} is of {home}, not of {module}: name it there")
+        made = _make(found, organism, num_tracks, self.source, self.arguments)
         version = getattr(made, "version", None)
         if version != self.version:
             raise RunError(
@@ -144,9 +148,11 @@ def _find_source(spec: Any, name: str, version: str) -> ControllerSource:
     spec = spec.spec if isinstance(spec, CheckedController) else spec
     if isinstance(spec, ControllerSource):
         return spec
-    if isinstance(spec, str):
-        return ControllerSource(name, version, spec)
     with refuse("controller"):
+        if isinstance(spec, str):
+            found = find_value(spec, "controller")
+            is_defined = isinstance(found, type) or inspect.isroutine(found)
+            return ControllerSource(name, version, find_name(found) if is_defined else spec)
         if isinstance(spec, type) or inspect.isroutine(spec):
             return ControllerSource(name, version, find_name(spec))
         for key, value in vars(sys.modules.get(type(spec).__module__, object)).items():
@@ -165,7 +171,7 @@ def _find_source(spec: Any, name: str, version: str) -> ControllerSource:
 
 def _make(found: Any, organism: Organism, num_tracks: int, what: str, arguments: Any = None) -> Any:
     """Return a controller: what was found, or what it makes as a class or function of the organism."""
-    if not isinstance(found, type) and hasattr(found, "act"):
+    if _is_controller(found):
         return found
     if not callable(found):
         raise RunError(f"controller {what!r} is {found!r}, which is no controller; {_ADVICE}")
@@ -179,6 +185,10 @@ def _make(found: Any, organism: Organism, num_tracks: int, what: str, arguments:
         raise
     except Exception as error:
         raise RunError(f"controller {what!r} cannot be made: {type(error).__name__}: {error}") from error
+
+
+def _is_controller(found: Any) -> bool:
+    return not isinstance(found, type) and hasattr(found, "act")
 
 
 def _freeze(value: Any) -> Any:

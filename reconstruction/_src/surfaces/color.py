@@ -15,6 +15,7 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.rows import Points
 from reconstruction._src.scans.cloud import Cloud
 
+Paint = Callable[[Points], ArrayLike]  # Returns the colors of positions [m], 0 to 1
 WHITE = 255  # The largest value of a channel in bytes
 _TINY = 1e-30  # Keeps weights finite where a point lies on a place [1/m²]
 
@@ -110,6 +111,3 @@ def match_colors(known: Cloud, added: Cloud) -> tuple[Cloud, str]:
         return added, ""
     colors = ColorSource(known).find_colors(added.points)
     return added.replace(colors=colors), f"{added.num_points} new readings without took those around them"
-
-
-Paint = Callable[[Points], ArrayLike]  # Returns the colors of positions [m], 0 to 1
