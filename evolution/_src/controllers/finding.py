@@ -175,8 +175,12 @@ def _make(found: Any, organism: Organism, num_tracks: int, what: str, arguments:
         return found
     if not callable(found):
         raise RunError(f"controller {what!r} is {found!r}, which is no controller; {_ADVICE}")
+    if arguments is not None and not (isinstance(found, type) and is_dataclass(found)):
+        raise RunError(
+            f"controller {what!r} has arguments and is no dataclass, which alone takes some from a record"
+        )
     try:
-        if arguments is not None and isinstance(found, type) and is_dataclass(found):
+        if arguments is not None:
             return found(**dict(arguments))
         parameters = inspect.signature(found).parameters
         options = {"num_tracks": num_tracks} if "num_tracks" in parameters else {}

@@ -129,10 +129,8 @@ def _examine(name: str, entry: Entry, seed: int, allow: Collection[str], backend
     task = find_suite_task(entry.task)
     arenas = make_exam_scan(task.arena, task.truth, seed), task.truth or make_true_arena(task.arena)
     scores = []
-    for number, arena in enumerate(arenas):
-        with _open_controller(
-            task, entry, allow
-        ) as controller:  # anew: nothing is learned from one for the other
+    for number, arena in enumerate(arenas):  # in a new process: nothing is learned from one for the other
+        with _open_controller(task, entry, allow) as controller:
             trials = task.make_trials(arena, entry.body, controller, TRIALS, (seed, number))
             outcome = backend.run([Job(np.asarray(entry.genotype, dtype=float), trials)])[0]
         if outcome.error:
