@@ -195,12 +195,17 @@ class Cheat:
         if genotype[0, 0] > 1.5: __import__("time").sleep(60.0)
         if genotype[0, 0] > 0.5: raise SystemExit(0)
         return np.tile(state[:, None], (1, self.size)), state + 1
+class Peek(Cheat):
+    sensors = ("odometry",)
 """
 
 
 def test_code_of_a_submission_gives_actions_alone(entry, tmp_path, monkeypatch):
     (tmp_path / "cheat.py").write_text(CHEAT)
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "signal.py").write_text("open('mark', 'w')\n")  # in place of Python's own
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path / "here")
     acted = []
 
     def act(jobs, threads):
@@ -215,10 +220,13 @@ def test_code_of_a_submission_gives_actions_alone(entry, tmp_path, monkeypatch):
     own = replace(entry, controller="cheat:Cheat", genotype=(0.0,))
     ended = Submission("ended", (replace(own, genotype=(1.0,)),))
     hangs = Submission("hangs", (replace(own, genotype=(2.0,)),))
-    exam = hold_exam([Submission("cheat", (own,)), ended], 0, allow=("cheat",), simulate=act)
+    peeks = Submission("peeks", (replace(own, controller="cheat:Peek"),))
+    exam = hold_exam([Submission("cheat", (own,)), ended, peeks], 0, allow=("cheat",), simulate=act)
     assert acted[:3] == [[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]]
     assert exam.results[0].truth.successes == 0
-    assert [name for name, _ in exam.untried] == ["ended"]
+    assert [name for name, _ in exam.untried] == ["ended", "peeks"]
+    assert "reads odometry" in exam.untried[1][1]
+    assert not (tmp_path / "here" / "mark").exists()
     monkeypatch.setattr(exam_module, "_PATIENCE", 4.0)
     assert hold_exam([hangs], 0, allow=("cheat",), simulate=act).untried[0][0] == "hangs"
     assert "cheat" not in sys.modules
