@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 
 from reconstruction._src.geometry.rows import Faces, Vertices, compute_lengths
-from reconstruction._src.networks.som.compilation import half_octave_length, pad_rows, padded_length
+from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 
 _CPU_CHUNK, _GPU_CHUNK = 4096, 2**20
 """Samples treated at once: what fits the cache of a core, and plenty for a GPU. Powers of two, as array lengths are."""
@@ -54,7 +54,7 @@ class Samples(NamedTuple):
     points: Float[jax.Array, "N 3"]
     winners: Int[jax.Array, " N"]  # nearest vertices
     weights: Float[jax.Array, " N"]
-    order: Int[jax.Array, " N"] | None = None  # in which the faces round winners rise in number
+    order: Int[jax.Array, " N"] | None = None  # in which the faces round winners rise in number, for speed
 
 
 def fit_once(
@@ -205,12 +205,8 @@ def _along_normal(
     return jnp.sum(normal * residual, axis=1) / jnp.maximum(jnp.linalg.norm(normal, axis=1), 1e-12)
 
 
-_MIN_SAMPLES = 1024  # There is room for at least this many samples: smaller meshes share their programs
-_SAMPLES_PER_VERTEX = 4
-"""Where few programs are to be compiled, there is room for one vertex for this many samples."""
-_MIN_DEPTH = 12
-"""Where few programs are to be compiled, there is room for this many faces around a vertex, or for twice as many, and
-so on."""
+_MIN_SAMPLES = 4096  # There is room for at least this many samples: smaller meshes share their programs
+_MIN_DEPTH = 12  # There is room for this many faces around a vertex, or for twice as many, and so on
 _CONFIG = FitConfig()  # How a mesh is fitted
 
 
@@ -236,25 +232,18 @@ def fit_surface(
     center, scale = vertices.mean(axis=0), mean_edge_length(vertices, faces)
     if not scale > 0:
         return vertices.copy()
-    ring = make_ring(faces, len(vertices), doubling=is_movable is not None)
-    if is_movable is not None:
-        num_samples = half_octave_length(max(len(samples), _SAMPLES_PER_VERTEX * len(vertices), _MIN_SAMPLES))
-        num_vertices = num_samples // _SAMPLES_PER_VERTEX
-    else:
-        num_samples, num_vertices = padded_length(len(samples), _MIN_SAMPLES), padded_length(len(vertices))
+    num_samples, num_vertices = padded_length(len(samples), _MIN_SAMPLES), padded_length(len(vertices))
+    ring = pad_rows(make_ring(faces, len(vertices)), num_vertices, -1)
     weights = np.ones(len(samples), np.float32) if weights is None else np.asarray(weights, np.float32)
+    is_movable = np.ones(len(vertices), dtype=bool) if is_movable is None else is_movable
     scaled = pad_rows(np.asarray((vertices - center) / scale, dtype=np.float32), num_vertices)
-    ring = pad_rows(ring, num_vertices, -1)
-    is_movable = None if is_movable is None else pad_rows(is_movable, num_vertices, False)
     samples = pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples)
     winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
-    weights = pad_rows(weights, num_samples)
-    order = sort_by_degree(ring, winners) if is_movable is None else None
     moved = _fit(
         scaled,
         ring,
-        is_movable,
-        Samples(samples, winners, weights, order),  # pyright: ignore[reportArgumentType]
+        pad_rows(is_movable, num_vertices, False),
+        Samples(samples, winners, pad_rows(weights, num_samples), sort_by_degree(ring, winners)),  # pyright: ignore[reportArgumentType]
         np.int32(iterations),
         chunk=compute_chunk(num_samples),
     )
@@ -268,16 +257,14 @@ def mean_edge_length(vertices: Vertices, faces: Faces) -> float:
     return float(compute_lengths(corners - np.roll(corners, 1, axis=1)).mean())
 
 
-def make_ring(faces: Faces, num_vertices: int, *, doubling: bool = False) -> Int[np.ndarray, "V D 2"]:
+def make_ring(faces: Faces, num_vertices: int) -> Int[np.ndarray, "V D 2"]:
     """Return the faces around every vertex: the other two corners of each in order, -1 where none."""
     owner = faces.ravel()
     others = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
     order = np.argsort(owner, kind="stable")
     count = np.bincount(owner, minlength=num_vertices)
     widest = int(count.max(initial=1))
-    depth = -(-widest // 4) * 4
-    if doubling:
-        depth = _MIN_DEPTH * 2 ** max(0, (-(-widest // _MIN_DEPTH) - 1).bit_length())
+    depth = _MIN_DEPTH * 2 ** max(0, (-(-widest // _MIN_DEPTH) - 1).bit_length())
     slot = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
     ring = np.full((num_vertices, depth, 2), -1, dtype=np.int32)
     ring[owner[order], slot] = others[order]
@@ -294,13 +281,13 @@ def sort_by_degree(ring: Int[np.ndarray, "V D 2"], winners: Int[np.ndarray, " N"
 def _fit(
     vertices: Float[jax.Array, "V 3"],
     ring: Int[jax.Array, "V D 2"],
-    is_movable: Bool[jax.Array, " V"] | None,
+    is_movable: Bool[jax.Array, " V"],
     samples: Samples,
     iterations: Int[jax.Array, ""],
     *,
     chunk: int,
 ) -> Float[jax.Array, "V 3"]:
-    """Repeat the step; all lengths in mean edges. Only whole meshes need an order."""
+    """Repeat the step; all lengths in mean edges."""
     return jax.lax.fori_loop(
         0, iterations, lambda _, at: fit_once(at, ring, samples, _CONFIG, chunk, is_movable), vertices
     )

@@ -11,6 +11,7 @@ from reconstruction._src.geometry.rows import compute_lengths
 from reconstruction._src.networks.growing_grid.mesh import triangulate, unfold
 from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 from reconstruction._src.networks.som.winners import (
+    LIST_STEP,
     MAX_CANDIDATES,
     Tiles,
     choose_num_candidates,
@@ -27,7 +28,6 @@ _MAX_SHORT = 0.02
 _FAR = 1e6  # Where padded units stand: they win nothing, and squares stay finite in float32
 _MIN_SAMPLES = 4096
 """The number of samples is this or its double and so on, so that few programs are compiled."""
-_RING_DEPTH = 8  # A unit of a grid has at most eight faces: four cells of two triangles
 
 
 def choose_num_samples(num_points: int, wanted: int) -> int:
@@ -86,7 +86,6 @@ def fit_grid(
     spacing = (spacing + float(compute_lengths(np.diff(units, axis=0)).mean())) / 2
     padded, candidates, mask = _pad(units, tiles, goal, is_movable)
     ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), len(padded))
-    ring = np.pad(ring, ((0, 0), (0, _RING_DEPTH - ring.shape[1]), (0, 0)), constant_values=-1)
     moved, counts = _fit(
         tiles.samples / np.float32(spacing),
         tiles.is_real,
@@ -119,26 +118,34 @@ def _pad(
     The shapes follow from the goal, the number of samples and whether the lists are long enough: another
     seed, another proportion of the grid, but the same compiled program.
     """
-    capacity = max(compute_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
+    capacity = max(compute_capacity(goal), padded_length(units.shape[0] * units.shape[1]))
     mask = np.ones(units.shape[:2], dtype=bool) if is_movable is None else is_movable
     mask = pad_rows(mask.reshape(-1), capacity, False)
     flat = units.reshape(-1, 3)
     padded = pad_rows(flat.astype(np.float32), capacity, _FAR)
-    if capacity <= MAX_CANDIDATES:
-        candidates = np.broadcast_to(np.arange(capacity, dtype=np.int32), (len(tiles.centers), capacity))
-    else:
-        number = min(choose_num_candidates(tiles.order.size, capacity, 1), len(flat))
-        candidates, reach = find_candidates(tiles, flat, number)
-        # Steep parts of a sheet put more units under a tile than the mean.
-        radius = compute_lengths(tiles.samples[:, ::4] - tiles.centers[:, None]).max(axis=1)
-        if (reach < radius).mean() > _MAX_SHORT and number < min(MAX_CANDIDATES, len(flat)):
-            candidates, _ = find_candidates(tiles, flat, min(2 * number, MAX_CANDIDATES, len(flat)))
+    number = choose_num_candidates(tiles.order.size, capacity, 1)
+    candidates, reach = _list_candidates(tiles, flat, number)
+    # Steep parts of a sheet put more units under a tile than the mean.
+    radius = compute_lengths(tiles.samples[:, ::4] - tiles.centers[:, None]).max(axis=1)
+    if (reach < radius).mean() > _MAX_SHORT and number < MAX_CANDIDATES:
+        candidates, _ = _list_candidates(tiles, flat, min(2 * number, MAX_CANDIDATES))
     return padded, candidates, mask
+
+
+def _list_candidates(
+    tiles: Tiles, units: Float[np.ndarray, "U 3"], number: int
+) -> tuple[Int[np.ndarray, "T K"], Float[np.ndarray, " T"]]:
+    """Return every tile's nearest units and how far they reach; where there are few, all and padded ones."""
+    if len(units) > number:
+        return find_candidates(tiles, units, number)
+    everyone = np.arange(LIST_STEP * -(-len(units) // LIST_STEP), dtype=np.int32)
+    num_tiles = len(tiles.centers)
+    return np.broadcast_to(everyone, (num_tiles, len(everyone))), np.full(num_tiles, np.inf)
 
 
 def compute_capacity(goal: int) -> int:
     """Return how many units to make room for where about `goal` are wanted."""
-    return padded_length(round(ROOM * goal), minimum=MAX_CANDIDATES)
+    return padded_length(round(ROOM * goal))
 
 
 def _smooth(

@@ -26,16 +26,13 @@ def keep_compiled_programs() -> None:
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
-def padded_length(length: int, minimum: int = 64) -> int:
-    """Return the smallest permitted length that holds `length`, of four sizes an octave."""
+_FEW = 2**15  # Up to this length there are two sizes an octave, beyond, where padding costs time, four
+
+
+def padded_length(length: int, minimum: int = 512) -> int:
+    """Return the smallest permitted length that holds `length`: few lengths, so that few programs are compiled."""
     length = max(int(length), minimum)
-    step = max(1, 2 ** (length.bit_length() - 1) // 4)
-    return -(-length // step) * step
-
-
-def half_octave_length(length: int) -> int:
-    """Return the smallest permitted length that holds `length`, of two sizes an octave."""
-    step = 2 ** ((length - 1).bit_length() - 2)
+    step = max(1, 2 ** ((length - 1).bit_length() - 1) // (2 if length <= _FEW else 4))
     return -(-length // step) * step
 
 

@@ -24,8 +24,9 @@ MAX_CANDIDATES = 1 << _PLACE_BITS  # Units in a tile's list at most: a place in 
 TILE_SIZE = 64
 """Samples in a tile at most: fewer need more lists, more need longer ones; the result does not depend on it."""
 _SLOT_STEP, _SMALL_SLOT_STEP = 4, 16
-"""The slots of one of many tiles, and of a single one, are a multiple of these, so that few programs are compiled."""
-_LIST_STEP = 16  # Likewise for the length of the lists
+"""The slots of one of many tiles, and of one of few, are a multiple of these, so that few programs are compiled."""
+_FEW_TILES = 128
+LIST_STEP = 16  # Likewise for the length of the lists
 _TIE = 1e-4
 """Squared distances lose their last seven bits, so that distances agree within less than this share."""
 _FARTHEST = 0x7F7FFFFF  # bit pattern of the largest finite float32
@@ -47,7 +48,7 @@ def make_tiles(samples: Points) -> Tiles:
     num_samples, num_tiles = len(samples), 1
     while num_samples > TILE_SIZE * num_tiles:
         num_tiles *= 2
-    step = _SLOT_STEP if num_tiles > 1 else _SMALL_SLOT_STEP
+    step = _SLOT_STEP if num_tiles > _FEW_TILES else _SMALL_SLOT_STEP
     num_slots = num_tiles * step * -(-num_samples // (num_tiles * step))
     padding = num_slots - num_samples
     repeated = np.linspace(0, num_samples - 1, padding).astype(np.int64)
@@ -85,7 +86,7 @@ def choose_num_candidates(num_samples: int, num_units: int, k: int) -> int:
     """
     spanned = TILE_SIZE * num_units / max(num_samples, 1)
     wanted = int(np.pi * (0.8 * np.sqrt(spanned) + 1.0 + 0.5 * np.sqrt(k)) ** 2)
-    return min(_LIST_STEP * max(1, -(-wanted // _LIST_STEP)), MAX_CANDIDATES, num_units)
+    return min(LIST_STEP * max(1, -(-wanted // LIST_STEP)), MAX_CANDIDATES, num_units)
 
 
 def find_candidates(
@@ -132,7 +133,7 @@ def search_all(tiles: Tiles, units: Float[np.ndarray, "U 3"], k: int) -> Int[np.
     units = np.ascontiguousarray(units, dtype=np.float32)
     num_candidates = max(k, choose_num_candidates(tiles.order.size, len(units), k))
     candidates, reach = find_candidates(tiles, units, num_candidates)
-    padded = pad_rows(units, padded_length(len(units)))  # of few lengths, so that few programs are compiled
+    padded = pad_rows(units, padded_length(len(units)))
     found, squared = search_tiles(jnp.asarray(tiles.samples), jnp.asarray(padded), jnp.asarray(candidates), k)
     winners = np.array(found)
     offset = compute_lengths(tiles.samples - tiles.centers[:, None])
