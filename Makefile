@@ -20,7 +20,7 @@ test: setup
 	$(RUN) -m pytest -m "not slow" -n 2 --dist loadfile
 
 test-slow: setup
-	$(RUN) -m pytest -m slow
+	$(RUN) -m pytest -m slow -n 2 --dist loadfile
 
 # Style, types, licenses of the dependencies.
 check: setup

@@ -100,6 +100,7 @@ def test_ppo_submits_to_the_suite_what_it_has_learned() -> None:
     np.testing.assert_allclose(action, network.find_actions(wanted), atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arena", ["truth", "gsrm"])
 def test_a_scout_drives_to_random_places(arena: str) -> None:
     ground = sg.load_arena(arena)

@@ -62,6 +62,7 @@ def test_help_and_refusals_load_nothing_heavy(words: tuple[str, ...], code: int)
     assert not find_loaded(run_command(*words), wanted_code=code) & (OPTIONAL | LIBRARIES | BASE)
 
 
+@pytest.mark.slow
 def test_environment_with_a_ready_made_arena_loads_no_network_and_no_plots() -> None:
     loaded = find_loaded(ARENA)
     assert not loaded & (

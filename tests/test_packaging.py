@@ -79,6 +79,7 @@ def _find_foreign_imports() -> Iterator[tuple[str, str]]:
                 yield str(path.relative_to(ROOT)), root
 
 
+@pytest.mark.slow
 def test_what_is_imported_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = [one for group in project["optional-dependencies"].values() for one in group]
@@ -112,6 +113,7 @@ def test_ready_made_arenas_are_small() -> None:
     assert size < 5_000_000
 
 
+@pytest.mark.slow
 def test_gym_make_works_from_another_folder(site: Path, tmp_path: Path) -> None:
     program = """
 import gymnasium as gym, symbrion_gym
@@ -126,6 +128,7 @@ for arena in ("truth", "simple", "gsrm", "gg"):
     assert printed.split() == ["truth", "simple", "gsrm", "gg"]
 
 
+@pytest.mark.slow
 def test_command_works_from_another_folder(site: Path, tmp_path: Path) -> None:
     assert "survey" in run_python(site, tmp_path, "-m", "evolution", "--help")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

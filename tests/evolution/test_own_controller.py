@@ -36,6 +36,7 @@ def test_a_run_searches_its_genes(run):
     assert all(not entry.outcome.error for entry in run.record.entries)
 
 
+@pytest.mark.slow
 def test_worker_processes_find_it(run):
     other = ev.evolve(ev.EvolutionConfig(controller="own_controllers:Wave", backend="processes", **TINY))
     assert (other.history["best"] == run.history["best"]).all()

@@ -36,6 +36,7 @@ def make_room(number: int = 6000, seed: int = 0) -> np.ndarray:
     return points * size
 
 
+@pytest.mark.slow
 def test_a_room_looks_inwards_with_a_viewpoint_and_outwards_without(caplog):
     points = make_room()
     inwards = reconstruct(points, units=300, viewpoints=[0.3, 0.2, 0.1])

@@ -64,6 +64,7 @@ def test_options_and_viewpoint_survive_saving(tmp_path):
     np.testing.assert_array_equal(loaded.viewpoints, [[0, 0, 2]])
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_bytes_in_another_process_too(ground):
     code = (
         "import sys; sys.path.insert(0, 'tests/reconstruction'); import test_reconstruct as t; "

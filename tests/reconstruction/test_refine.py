@@ -56,6 +56,7 @@ def check_rest(before: rc.Reconstruction, after: rc.Reconstruction, is_far: np.n
     assert quality.folds + quality.self_intersections == 0
 
 
+@pytest.mark.slow
 @METHODS
 def test_readings_that_agree_change_nothing(rooms, method):
     room = rooms[method]
@@ -65,6 +66,7 @@ def test_readings_that_agree_change_nothing(rooms, method):
     assert again.readings.num_points == room.readings.num_points + len(new)
 
 
+@pytest.mark.slow
 @METHODS
 @pytest.mark.parametrize("by", [0.05, 0.2])
 def test_a_wall_that_moved_moves_as_in_a_fresh_fit(rooms, method, by):
@@ -79,6 +81,7 @@ def test_a_wall_that_moved_moves_as_in_a_fresh_fit(rooms, method, by):
     check_rest(room, moved, room.mesh.vertices[:, 0] < 0.5)
 
 
+@pytest.mark.slow
 @METHODS
 def test_a_new_part_grows(rooms, method):
     room = rooms[method]
@@ -89,6 +92,7 @@ def test_a_new_part_grows(rooms, method):
     assert grown.readings.num_points > 0.99 * (room.readings.num_points + len(new))
 
 
+@pytest.mark.slow
 @METHODS
 @pytest.mark.parametrize("turns", [4, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_box_comes_and_goes(method, turns):
@@ -109,6 +113,7 @@ def test_a_box_comes_and_goes(method, turns):
     assert 600 < len(surface.mesh.vertices) < 800
 
 
+@pytest.mark.slow
 @METHODS
 def test_what_all_around_was_read_again_is_gone_without_rays(method):
     points = np.concatenate([make_box(800, 6), clear_of_box(make_floor((-1, 1), (-1, 1), 12_000, 1))])
@@ -119,6 +124,7 @@ def test_what_all_around_was_read_again_is_gone_without_rays(method):
     assert (cleared.mesh.vertices[:, 2] > 0.1).sum() < 0.1 * before
 
 
+@pytest.mark.slow
 @METHODS
 def test_equal_seeds_give_equal_surfaces(rooms, method):
     new = make_wall(1.2, 1500, 8)

@@ -33,6 +33,7 @@ def test_an_uneven_cloud_has_more_and_the_scale_does_not_matter():
     assert choose_units(1000 * points) == pytest.approx(number, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_number_is_chosen_where_none_is_given_and_noted():
     points = make_floor(3000)
     result = reconstruct(points)

@@ -40,7 +40,7 @@ from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 _logger = logging.getLogger(__name__)
 
 _MIN_POINTS = 3  # Fewer points span no plane
-_KITTI_RANGE = 1000.0  # Farther than any automotive laser sees [m]; other .bin files have such numbers
+_ROW_RANGE = 1000.0  # Farther than any automotive laser sees [m]; other .bin files have such numbers
 _NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")  # Arrays of an .npz that go with its array ``points``
 
 
@@ -55,8 +55,8 @@ def load_points(
     and positions of the sensor as well, and keeps large coordinates exact.
 
     Args:
-        path: .xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .3d .las .laz .bin (KITTI), each also followed
-            by .gz or .bz2; .e57 .stl .off .glb .gltf .dae.
+        path: .xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .3d .las .laz .bin (rows of float32, as of
+            KITTI), each also followed by .gz or .bz2; .e57 .stl .off .glb .gltf .dae.
         unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says, meters where it does not.
         max_bytes: most bytes that the file may hold uncompressed, and its points in memory (24 bytes each); a
             larger file is refused before the memory is allocated.
@@ -260,17 +260,28 @@ def _read_npz(file: BoundedFile) -> RawPoints:
     return RawPoints(points, known.colors, known.viewpoints, known.seen_from)
 
 
-def _read_kitti(file: BoundedFile) -> RawPoints:
-    """Read x, y, z and reflectance as float32, the scanner at the origin (Geiger et al. 2013, IJRR 32(11), table 1)."""
-    if file.size % 16:
-        raise ScanError(
-            f"{file.size} bytes are no rows of x, y, z, reflectance as float32 (KITTI); {CONVERTERS['.bin']}"
-        )
+def _read_float_rows(file: BoundedFile) -> RawPoints:
+    """Read rows of float32, as data sets of driving and of rooms have them; what fits tells which.
+
+    x, y, z, reflectance (KITTI; Geiger et al. 2013, IJRR 32(11), table 1) and x, y, z, intensity, ring (nuScenes)
+    have the scanner at the origin; x, y, z, red, green, blue (ScanNet, SUN RGB-D) do not tell where it stood.
+    """
     check_num_points(file, file.size // 16)
-    rows = np.frombuffer(file.read_exactly(file.size), "<f4").reshape(-1, 4)
-    if not (np.abs(rows[:, :3]) < _KITTI_RANGE).all():
-        raise ScanError(f"a value is no coordinate below {_KITTI_RANGE:.0f} m (KITTI); {CONVERTERS['.bin']}")
-    return RawPoints(rows[:, :3].astype(np.float64), viewpoints=np.zeros((1, 3)), meters=1.0, up="z")
+    content = file.read_exactly(file.size)
+    for width in (width for width in (6, 5, 4) if file.size % (4 * width) == 0):  # the strictest first
+        rows = np.frombuffer(content, "<f4").reshape(-1, width)
+        extras = rows[:, 3:]
+        fits = (np.abs(rows[:, :3]) < _ROW_RANGE).all() and (extras >= 0).all() and np.isfinite(extras).all()
+        if width == 6 and fits and (extras <= 255).all():
+            colors = np.round(extras * (255 if extras.max(initial=0) <= 1 else 1)).astype(np.uint8)
+            return RawPoints(rows[:, :3].astype(np.float64), colors, meters=1.0, up="z")
+        is_ring = width == 5 and fits and bool((extras[:, 1] == np.round(extras[:, 1])).all())
+        if is_ring or (width == 4 and fits):
+            return RawPoints(rows[:, :3].astype(np.float64), viewpoints=np.zeros((1, 3)), meters=1.0, up="z")
+    raise ScanError(
+        f"{file.size} bytes are no rows of float32, below {_ROW_RANGE:.0f} m and with reflectance (KITTI), intensity "
+        f"and ring (nuScenes) or color; {CONVERTERS['.bin']}"
+    )
 
 
 def _first_columns(array: Shaped[np.ndarray, "*axes"], file: BoundedFile) -> Float[np.ndarray, "N 3"]:
@@ -326,7 +337,7 @@ _READERS: dict[str, Callable[[BoundedFile], RawPoints]] = {
     ".3d": lambda file: RawPoints(read_3dtk_points(file), meters=1.0, has_fixed_unit=True, up="z"),
     ".las": read_las,
     ".laz": read_las,
-    ".bin": _read_kitti,
+    ".bin": _read_float_rows,
 }
 _PATH_READERS: dict[str, Callable[[Path, float], RawPoints]] = {
     ".e57": read_e57,

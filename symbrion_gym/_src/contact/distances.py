@@ -116,11 +116,15 @@ class SurfaceDistance:
 def find_nearest(
     points: Points, vertices: Vertices, faces: Faces
 ) -> tuple[Distances, Int[np.ndarray, " N"], Points]:
-    """Return the distance [m], face and place of the nearest point of the faces, by libigl."""
+    """Return the distance [m], face and place of the nearest point of the faces, by libigl.
+
+    Without any face the distance is infinite, face and place are -1 and NaN.
+    """
     import igl
 
-    if not len(points):
-        return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+    if not len(points) or not len(faces):  # of which libigl reads beyond its arrays
+        count = len(points)
+        return np.full(count, np.inf), np.full(count, -1), np.full((count, 3), np.nan)
     squared, face, place = igl.point_mesh_squared_distance(
         np.ascontiguousarray(points, dtype=np.float64),
         np.ascontiguousarray(vertices, dtype=np.float64),

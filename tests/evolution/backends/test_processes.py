@@ -42,6 +42,7 @@ def test_a_worker_that_dies_costs_nothing(make_pool, tmp_path, monkeypatch):
     assert pool.num_deaths == 1
 
 
+@pytest.mark.slow
 def test_a_worker_killed_between_generations_is_replaced(make_pool):
     jobs = toys.make_jobs()
     pool = make_pool(toys.bowl)

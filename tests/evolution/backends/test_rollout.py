@@ -32,6 +32,7 @@ def make_jobs(trials: Trials = SHORT, count: int = 3) -> list[Job]:
     return [Job(genotype, trials) for genotype in genotypes]
 
 
+@pytest.mark.slow
 def test_batch_sizes_threads_and_other_jobs_change_nothing(monkeypatch):
     jobs = make_jobs()
     expected = simulate(jobs, 1)
@@ -42,6 +43,7 @@ def test_batch_sizes_threads_and_other_jobs_change_nothing(monkeypatch):
     assert simulate(jobs[::-1], 1)[::-1] == expected
 
 
+@pytest.mark.slow
 def test_jobs_of_several_bodies_and_starts_are_grouped():
     jobs = (
         make_jobs(count=2)
@@ -171,6 +173,7 @@ def make_bodies_config(arena):
     )
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_where_a_body_does_not_fit(monkeypatch, caplog):
     config = make_bodies_config("stairs")
     usual = ev.evolve_bodies(config)

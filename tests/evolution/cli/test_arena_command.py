@@ -66,6 +66,7 @@ def test_a_missed_accuracy_is_a_warning_and_with_strict_an_exit_code(sheet, caps
     assert run(make(sheet, "--strict")) == 0
 
 
+@pytest.mark.slow
 def test_pictures(sheet):
     picture = sheet.parent / "new" / "error.png"
     assert run(make(sheet, "--picture", str(picture))) == 0
@@ -75,6 +76,7 @@ def test_pictures(sheet):
     assert Image.open(seen).size[0] > 500
 
 
+@pytest.mark.slow
 def test_view_tells_ground_and_route(sheet, capsys):
     assert run(["view", "truth", "--picture", str(sheet.parent / "a.png"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)

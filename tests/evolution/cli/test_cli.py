@@ -34,6 +34,7 @@ def refuse(words, code, capsys):
     return lines[0]
 
 
+@pytest.mark.slow
 def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(cloud, tmp_path, capsys):
     words = ["reconstruct", str(cloud), "--raw", "--units", "100", "--out", str(tmp_path / "a.ply")]
     line = refuse([*words, "--max-gigabytes", "0.00005"], 1, capsys)
@@ -142,6 +143,7 @@ def test_reconstruct_writes_mesh_and_summary(cloud, tmp_path, capsys):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["sheet.xyz", "surface.ply"]
 
 
+@pytest.mark.slow
 def test_evolve_then_resume_then_replay(tmp_path, capsys):
     folder = tmp_path / "run"
     start = [
@@ -167,6 +169,7 @@ def test_evolve_then_resume_then_replay(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["trials"] == 2
 
 
+@pytest.mark.slow
 def test_a_search_for_bodies_is_replayed_and_has_no_curve(tmp_path, capsys):
     bodies = ev.BodiesConfig(largest=2, children=2)
     learning = ev.LearningConfig(population_size=4, levels=(1,), exam_trials=1)

@@ -21,6 +21,7 @@ def files(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_objects_of_a_scan_are_placed_in_the_arena(files, capsys, monkeypatch):
     pytest.importorskip("cv2", reason="the extra 'objects' (opencv-contrib-python-headless) is absent")
     place = np.array([0.0, 0.2, 0.5])

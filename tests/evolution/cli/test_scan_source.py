@@ -28,6 +28,7 @@ def refuse(words, code, capsys):
     return lines[0]
 
 
+@pytest.mark.slow
 def test_the_offset_viewpoints_and_all_readings_are_kept(tmp_path, capsys):
     far = SHEET + np.array([500_000.0, 5_403_700.0, 300.0])
     path, out = write(tmp_path / "far.npz", far), tmp_path / "out.npz"
@@ -145,6 +146,7 @@ def test_a_log_keeps_which_scan_saw_what(tmp_path, capsys):
     assert "omit --up" in line
 
 
+@pytest.mark.slow
 def test_a_depth_image_becomes_a_surface_with_its_viewpoint(tmp_path, capsys):
     np.save(tmp_path / "depth.npy", np.full((40, 60), 2000, np.uint16))
     words = ["reconstruct", str(tmp_path / "depth.npy"), "--out", str(tmp_path / "a.npz"), "--units", "60"]

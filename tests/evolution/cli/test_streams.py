@@ -44,6 +44,7 @@ def shell(line, place, **environment):
     )
 
 
+@pytest.mark.slow
 def test_a_run_continues_when_nobody_reads(folder):
     line = f"exec 2> >(true); sleep 0.1; {SYMBRION} resume ./* --generations 2 --workers 1 | true"
     done = shell(line, folder.parent)
@@ -51,6 +52,7 @@ def test_a_run_continues_when_nobody_reads(folder):
     assert len(load_run(folder).history) == 2
 
 
+@pytest.mark.slow
 def test_any_name_in_any_locale(folder):
     done = shell(
         f"{SYMBRION} replay ./*m --trials 1 && {SYMBRION} replay ./*m --trials 1 --json",
@@ -65,6 +67,7 @@ def test_any_name_in_any_locale(folder):
     assert json.loads("{" + summary)["trials"] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "message"),
     [

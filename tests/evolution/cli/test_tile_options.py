@@ -15,6 +15,7 @@ def scan(tmp_path):
     return tmp_path / "scan.npy"
 
 
+@pytest.mark.slow
 def test_a_scan_becomes_a_folder_of_tiles(scan, capsys):
     words = [
         "reconstruct",

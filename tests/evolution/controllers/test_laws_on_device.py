@@ -12,6 +12,7 @@ from symbrion_gym._src.environment.world import find_organism
 NUM = 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", CONTROLLERS)
 @pytest.mark.parametrize(("body", "tracks"), [({"modules": 5}, 0), ({"organism": "cross"}, "skid")])
 def test_actions_are_those_of_numpy(law, body, tracks):

@@ -82,6 +82,7 @@ def test_the_scanner_stands_on_the_course_and_sees_it() -> None:
     assert all(np.isfinite(caster(pose)).mean() > 0.3 for pose in poses)
 
 
+@pytest.mark.slow
 def test_crossings_are_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = tuple(f"g{index}" for index in range(8))
     champion = ev.Champion(

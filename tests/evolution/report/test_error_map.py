@@ -34,6 +34,7 @@ def find_tints(arena: sg.Arena) -> tuple[float, float]:
     return float((red - blue > 90)[drawn].mean()), float((blue - red > 90)[drawn].mean())
 
 
+@pytest.mark.slow
 def test_exact_contact_is_gray_a_bump_red_and_a_gap_blue() -> None:
     slab = make_box([0, 0, -0.2], [4, 2, 0])
     assert find_tints(sg.Arena("exact", [slab], GROUND, QUALITY)) == (0.0, 0.0)

@@ -82,6 +82,7 @@ def test_a_far_flap_is_cut_off():
     assert len(frame) > len(terrain.surface.vertices) - 10
 
 
+@pytest.mark.slow
 def test_a_short_route_in_a_large_scene_is_framed_closely():
     terrain = make_terrain(0, size=40.0, spacing=0.5, roughness=0.3)
     route = terrain.find_route(start=(20.0, 20.0), goal=(22.0, 20.0))

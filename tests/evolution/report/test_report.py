@@ -27,6 +27,7 @@ def open_picture(figure: Figure) -> np.ndarray:
     return pixels
 
 
+@pytest.mark.slow
 def test_figures_show_something() -> None:
     course = Course()
     surface = course.surface()

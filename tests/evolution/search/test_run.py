@@ -211,6 +211,7 @@ def test_a_run_that_lost_its_record_is_refused(folder, left):
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_a_kill_at_any_moment_leaves_a_run_that_can_be_begun_or_resumed(tmp_path, monkeypatch):
     monkeypatch.setattr("os.fsync", lambda descriptor: None)
     folder = tmp_path / "run"

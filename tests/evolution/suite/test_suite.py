@@ -200,6 +200,7 @@ class Peek(Cheat):
 """
 
 
+@pytest.mark.slow
 def test_code_of_a_submission_gives_actions_alone(entry, tmp_path, monkeypatch):
     (tmp_path / "cheat.py").write_text(CHEAT)
     (tmp_path / "here").mkdir()

@@ -161,6 +161,7 @@ def read_apart(folder: Path, contents: dict[str, bytes], limit: float, most: flo
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_refusing_takes_little_memory(tmp_path: Path) -> None:
     """Files of some kilobytes that would take 60 MB and more, each refused within 20 MB."""
     zeros, rows = bytes(2_500_000 * 24), b"1 2 3\n"
@@ -180,6 +181,7 @@ def test_refusing_takes_little_memory(tmp_path: Path) -> None:
     read_apart(tmp_path, bombs, 30e6, 20e6)
 
 
+@pytest.mark.slow
 def test_long_lines_are_read_a_few_at_a_time(tmp_path: Path) -> None:
     """100 lines of a megabyte each take four megabytes each in memory, once they hold an emoji."""
     row = f"1 2 3 # \N{GRINNING FACE}{'a' * 1_000_000}\n".encode() * 100

@@ -27,6 +27,7 @@ def library():
     return pytest.importorskip("cv2", reason="the extra 'objects' (opencv-contrib-python-headless) is absent")
 
 
+@pytest.mark.slow
 def test_sockets_are_found_with_their_poses(library):
     survey = make_scan(2)
     found = rc.find_objects(survey.cloud, MESHES)
@@ -37,10 +38,12 @@ def test_sockets_are_found_with_their_poses(library):
     assert all(each.score > 0.94 and each.num_beams > 40 for each in found)
 
 
+@pytest.mark.slow
 def test_an_empty_room_has_no_objects(library):
     assert rc.find_objects(make_scan(0, step=0.6, num_viewpoints=2).cloud, MESHES) == []
 
 
+@pytest.mark.slow
 def test_objects_are_found_in_a_mesh(library):
     import trimesh
 
@@ -78,6 +81,7 @@ def test_of_two_finds_at_one_place_the_better_is_kept():
     assert suppress(found) == [found[1], found[2]]
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_the_noise_hides_the_shape(library, caplog):
     assert rc.find_objects(make_scan(2).cloud, MESHES, rc.ObjectsConfig(noise=0.02)) == []
     assert "socket is not searched: with a noise of 20 mm" in caplog.text

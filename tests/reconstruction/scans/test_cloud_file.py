@@ -331,8 +331,21 @@ def test_odd_sizes_are_described_and_others_are_not() -> None:
     )
 
 
-def test_frames_of_kitti_are_read_and_other_bytes_refused(tmp_path: Path) -> None:
-    rows = np.random.default_rng(0).uniform(-50, 50, (30, 4)).astype("<f4")
+def test_rows_of_floats_are_read_by_what_fits_and_other_bytes_refused(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    rows = rng.uniform(-50, 50, (60, 4)).astype("<f4")
+    rows[:, 3] = rng.uniform(0, 1, 60)
+    rings = np.column_stack([rows, rng.integers(0, 32, 60)]).astype("<f4")
+    (tmp_path / "1.bin").write_bytes(rings.tobytes())
+    np.testing.assert_array_equal(load_cloud(tmp_path / "1.bin").points, rings[:, :3])
+    colors = rng.integers(0, 256, (60, 3))
+    for scale in (1, 255):
+        colored = np.column_stack([rows[:, :3], colors / scale]).astype("<f4")
+        (tmp_path / "2.bin").write_bytes(colored.tobytes())
+        cloud = load_cloud(tmp_path / "2.bin")
+        np.testing.assert_array_equal(cloud.points, colored[:, :3])
+        np.testing.assert_array_equal(cloud.colors, colors)
+        assert cloud.viewpoints is None
     rows[:3] = 0.0
     (tmp_path / "0.bin").write_bytes(rows.tobytes())
     cloud = load_cloud(tmp_path / "0.bin")

@@ -303,6 +303,7 @@ def test_a_far_wall_survives_pre_processing_and_strays_do_not():
     assert (kept[:, 0] < 2.9).sum() <= 10
 
 
+@pytest.mark.slow
 def test_a_log_refines_a_surface():
     """A scanner that looks straight down moves 2 m along x, 1.5 m above level ground."""
     angles, height = np.linspace(-0.6, 0.6, 81), 1.5

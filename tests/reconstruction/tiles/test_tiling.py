@@ -37,6 +37,7 @@ def read_all(folder) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
+@pytest.mark.slow
 def test_the_surface_is_near_the_truth_and_has_no_steps(tiles):
     figures = measure_surface(tiles, LANDSCAPE)
     assert figures["error_mean"] < 2 * NOISE
@@ -137,6 +138,7 @@ def test_workers_give_the_same_files(tiles, tmp_path):
     assert read_all(again.folder) == read_all(tiles.folder)
 
 
+@pytest.mark.slow
 def test_processes_answer_in_order_and_their_end_is_told(tmp_path):
     (tmp_path / "a.f4").write_bytes(np.zeros((5, 3), np.float32).tobytes())
     job = {"points": str(tmp_path / "a.f4"), "columns": 3, "is_raw": True}
@@ -151,6 +153,7 @@ def test_processes_answer_in_order_and_their_end_is_told(tmp_path):
         run_in_processes(0)
 
 
+@pytest.mark.slow
 def test_tiles_look_to_where_they_were_seen_from(tmp_path):
     points = make_points(6000)
     np.save(tmp_path / "points.npy", points + FAR)

@@ -40,6 +40,7 @@ def arena(scanned):
     return make_arena(scanned, cache=False, name="scanned")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("num_vertices", "is_grid", "yaw"),
     [(2200, False, np.radians(20)), *(pytest.param(*case, marks=pytest.mark.slow) for case in _COURSES)],
@@ -56,6 +57,7 @@ def test_the_course_is_met_in_any_direction(num_vertices, is_grid, yaw):
     assert quality.num_pieces <= 16
 
 
+@pytest.mark.slow
 def test_the_pit_floor_is_not_filled_in(arena):
     model = arena.spec().compile()
     data = mujoco.MjData(model)
@@ -80,6 +82,7 @@ def test_named_arenas_compile(name):
     assert (model.geom_type[model.geom_group == CONTACT_GROUP] == mujoco.mjtGeom.mjGEOM_BOX).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hfield", "prisms"])
 def test_other_kinds_of_contact(kind):
     mesh = make_scanned_surface(Course().profile(), num_vertices=300)
@@ -117,6 +120,7 @@ def test_the_friction_of_a_scan_is_an_assumption(arena, tmp_path):
         Arena.load(tmp_path / "a")
 
 
+@pytest.mark.slow
 def test_a_reconstruction_takes_no_course(tmp_path):
     made = rc.reconstruct(Course().surface().vertices.repeat(20, axis=0), units=20, seed=0)
     with pytest.raises(ArenaError, match="course is the truth behind a scan"):
@@ -134,6 +138,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None, derandomize=True)
 @given(**BROKEN)
 def test_broken_meshes_give_an_arena_or_an_arena_error(seed, damage):

@@ -82,6 +82,7 @@ def build_in_process(folder, queue):
     queue.put([piece.vertices.tobytes() for piece in arena.pieces])
 
 
+@pytest.mark.slow
 def test_two_processes_may_build_the_same_arena_at_once(tmp_path):
     context = multiprocessing.get_context("spawn")
     queue = context.Queue()

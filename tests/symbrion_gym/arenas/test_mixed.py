@@ -40,6 +40,7 @@ def cast(arena: sg.Arena, group: int, origins: np.ndarray) -> np.ndarray:
     return np.array([mujoco.mj_ray(model, data, place, down, groups, 1, -1, geom) for place in origins])
 
 
+@pytest.mark.slow
 def test_rays_and_contact_meet_primitives_where_the_surface_was(arena: sg.Arena) -> None:
     assert arena.primitives is not None
     kinds = {one.kind for one in arena.primitives.shapes}
@@ -58,6 +59,7 @@ def test_rays_and_contact_meet_primitives_where_the_surface_was(arena: sg.Arena)
     assert arena.quality.mean < 0.003
 
 
+@pytest.mark.slow
 def test_it_is_saved_loaded_and_opened_by_mujoco(arena: sg.Arena, tmp_path: Path) -> None:
     arena.save(tmp_path / "ball")
     again = sg.Arena.load(tmp_path / "ball")
@@ -101,6 +103,7 @@ def test_kind_and_primitives_go_together(arena: sg.Arena) -> None:
         replace(sg.load_arena("gsrm"), primitives=arena.primitives)
 
 
+@pytest.mark.slow
 def test_a_mixed_arena_of_a_colored_scan_says_where_its_colors_are(caplog: pytest.LogCaptureFixture) -> None:
     box = trimesh.creation.box((1.0, 1.0, 0.2))
     plain = sg.make_arena(box, kind="mixed", cache=False)

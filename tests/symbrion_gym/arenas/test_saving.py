@@ -139,6 +139,7 @@ def test_links_are_not_followed_out_of_the_folder(tmp_path: Path, name: str) -> 
             Arena.load(folder)
 
 
+@pytest.mark.slow
 def test_a_kill_leaves_the_old_arena_or_the_new_one(folder: Path) -> None:
     kept = folder.rename(folder.with_name("kept"))
 
@@ -158,6 +159,7 @@ def test_a_kill_leaves_the_old_arena_or_the_new_one(folder: Path) -> None:
     assert names == {"old", "newer"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exists", [True, False])
 def test_a_kill_leaves_no_arena_or_a_whole_one(tmp_path: Path, exists: bool) -> None:
     folder = tmp_path / "new"

@@ -68,6 +68,7 @@ def test_a_closed_body_without_viewpoints_has_no_backs():
     assert find_two_sided(take_surface(box), box) is None
 
 
+@pytest.mark.slow
 def test_an_arena_says_what_of_the_surface_was_cut():
     side = np.linspace(0, 3, 61)
     floor = np.stack([*np.meshgrid(side, side), np.zeros((61, 61))], axis=-1).reshape(-1, 3)

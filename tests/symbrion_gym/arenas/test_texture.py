@@ -105,6 +105,7 @@ def test_the_model_in_memory_and_that_of_the_folder_have_the_same_texture(tmp_pa
     assert faces[0] == pytest.approx(faces[1], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_mesh_with_colors_becomes_an_arena_with_colors():
     mesh = make_ground(30)
     mesh.visual.vertex_colors = np.column_stack(

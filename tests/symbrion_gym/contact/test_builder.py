@@ -39,6 +39,7 @@ def find_note(contact, name):
     return next(note["result"] for note in contact.notes["passes"] if note["pass"] == name)
 
 
+@pytest.mark.slow
 def test_a_scanned_course_becomes_few_boxes(mesh):
     contact = make_contact(mesh, ContactOptions(), ACCURACY)
     assert contact.notes["way"] == "slabs"
@@ -94,6 +95,7 @@ def test_faces_seen_from_behind_stay_thin():
     assert max(np.ptp(piece.vertices[:, 1]) for piece in contact.pieces) < 0.02
 
 
+@pytest.mark.slow
 def test_a_body_becomes_pieces_of_coacd():
     contact = make_contact(trimesh.creation.torus(0.5, 0.12), ContactOptions(), 0.005)
     assert contact.notes["way"] == "coacd"
@@ -101,6 +103,7 @@ def test_a_body_becomes_pieces_of_coacd():
     assert contact.notes["is_reached"]
 
 
+@pytest.mark.slow
 def test_the_time_limit_gives_an_error_and_never_another_contact(mesh):
     with pytest.raises(ArenaError, match=r"coacd took longer than 1e-06 s .* raise time_limit"):
         make_contact(trimesh.creation.torus(0.5, 0.12), ContactOptions(time_limit=1e-6), 0.005)
@@ -113,6 +116,7 @@ def rough() -> trimesh.Trimesh:
     return make_terrain(3, size=2.0, spacing=0.1).surface
 
 
+@pytest.mark.slow
 def test_rough_ground_becomes_a_height_field_as_close_as_patches(rough, dense):
     contact = make_contact(rough, ContactOptions(), 0.008)
     field = contact.height_field
@@ -124,6 +128,7 @@ def test_rough_ground_becomes_a_height_field_as_close_as_patches(rough, dense):
     assert np.nanmax(np.abs(field.heights - heights)) < 1e-6
 
 
+@pytest.mark.slow
 def test_ground_with_holes_keeps_its_pieces(rough, dense):
     is_far = np.linalg.norm(rough.triangles_center[:, :2] - rough.bounds.mean(axis=0)[:2], axis=1) > 0.4
     torn = trimesh.Trimesh(rough.vertices, rough.faces[is_far], process=False)
@@ -132,12 +137,14 @@ def test_ground_with_holes_keeps_its_pieces(rough, dense):
     assert "not known" in find_note(contact, "fit height field")
 
 
+@pytest.mark.slow
 def test_where_few_pieces_do_or_pieces_are_asked_for_there_is_no_height_field(rough, dense, monkeypatch):
     assert make_contact(rough, ContactOptions(kind="convex"), 0.008).pieces
     monkeypatch.setattr(builder, "_LEAST_DENSITY", 1e6)
     assert make_contact(rough, ContactOptions(), 0.008).pieces
 
 
+@pytest.mark.slow
 def test_contact_is_coarse_beyond_reach_and_as_accurate_as_before_within_it():
     rng, (u, v) = np.random.default_rng(0), np.meshgrid(np.linspace(0, 2.4, 25), np.linspace(0, 2.4, 25))
     cell = (np.arange(24)[:, None] * 25 + np.arange(24)).ravel()

@@ -8,6 +8,7 @@ from symbrion_gym._src.contact.distances import (
     SurfaceDistance,
     compute_depths,
     compute_offsets,
+    find_nearest,
     find_signed_nearest,
 )
 from symbrion_gym._src.contact.kinds import HeightField
@@ -35,6 +36,14 @@ def test_half_of_the_floor_without_contact():
     quality = SurfaceDistance(make_floor()).measure([make_slab(0.0, end=1.0)])
     assert quality.uncovered == pytest.approx(0.5 - 0.05 / 2, abs=0.01)
     assert quality.max == pytest.approx(1.0, abs=0.02)
+
+
+def test_without_a_face_everything_is_infinitely_far():
+    for faces in (np.zeros((0, 3), dtype=int), np.asarray(make_floor().faces)[:0]):
+        distance, face, place = find_nearest(np.ones((4000, 3)), np.asarray(make_floor().vertices), faces)
+        assert np.isposinf(distance).all()
+        assert (face == -1).all()
+        assert np.isnan(place).all()
 
 
 SLAB = trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])

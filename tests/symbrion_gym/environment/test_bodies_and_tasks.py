@@ -48,6 +48,7 @@ def check(body: str, task: str, arena: str) -> None:
     assert_equal_ticks(envs, [other, env], TICKS, np.random.default_rng(1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("body", "task", "arena"), QUICK)
 def test_some_of_them(body, task, arena):
     check(body, task, arena)

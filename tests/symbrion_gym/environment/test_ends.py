@@ -49,6 +49,7 @@ def test_a_limit_of_the_vector_environment_is_a_timeout_and_keeps_no_progress():
     assert (sum(each[0] for each in rewards) <= 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "steps", "threshold"),
     [

@@ -99,6 +99,7 @@ def assert_rests(env: OrganismEnv, yaw: float) -> None:
     assert np.abs(env.data.qvel).max() < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [cross(2), letter_h(), *make_trees(2)])
 @pytest.mark.parametrize(
     "where", [RAMP, {"arena": "gsrm"}, {"arena": "stairs", "start": (0.0, 0.2), "goal": (1.5, 0.0)}]

@@ -25,6 +25,7 @@ def assert_equal(whole, part, rows):
             np.testing.assert_equal(list(whole[key][rows]), list(part[key]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_each_arena_is_as_if_it_were_alone(mode):
     options, rng, finals = {**OPTIONS, "autoreset_mode": mode}, np.random.default_rng(0), []

@@ -85,6 +85,7 @@ def test_a_window_without_a_display_is_left_out(monkeypatch, caplog):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("quality", "is_drawn"), [({"p95": 0.01}, False), ({"p95": 0.05}, True), ({"uncovered": 0.02}, True)]
 )

@@ -33,6 +33,7 @@ def test_every_id_passes_the_checker_without_warnings(name):
         env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hfield", "prisms"])
 def test_every_arena_kind_passes_the_checker_without_warnings(kind):
     arena = sg.make_arena(make_scanned_surface(sg.Course().profile(), num_vertices=800), kind=kind)
@@ -43,6 +44,7 @@ def test_every_arena_kind_passes_the_checker_without_warnings(kind):
         env.close()
 
 
+@pytest.mark.slow
 def test_zero_controller_crosses_a_narrow_pit_and_not_a_wide_one():
     outcomes = {}
     for pit in (0.20, 0.40):

@@ -22,6 +22,7 @@ def log(truth):
     return sg.survey(truth, path=PATH, camera=True)
 
 
+@pytest.mark.slow
 def test_colors_are_those_of_the_truth_within_the_stated_noise(log, truth):
     ends = log.grid()
     inside = log.is_valid & (np.abs(ends[..., 1]) < 0.9) & (np.abs(ends[..., 0]) < 3.0)
@@ -30,18 +31,21 @@ def test_colors_are_those_of_the_truth_within_the_stated_noise(log, truth):
     assert np.sqrt((error**2).mean()) < 0.035  # noise 0.02, exposure 0.02 of up to 0.85, places 1 cm
 
 
+@pytest.mark.slow
 def test_ranges_are_those_of_a_survey_without_a_camera(log):
     plain = sg.survey(sg.Arena.from_course(sg.Course()), path=PATH)
     assert np.array_equal(plain.ranges, log.ranges, equal_nan=True)
     assert plain.colors is None
 
 
+@pytest.mark.slow
 def test_a_course_is_surveyed_like_its_arena(log, truth):
     again = sg.survey(truth.course, path=PATH, camera=True)
     np.testing.assert_array_equal(again.colors, log.colors)
     np.testing.assert_array_equal(again.ranges, log.ranges)
 
 
+@pytest.mark.slow
 def test_colors_survive_the_file_and_preprocessing(log, tmp_path):
     read = rc.load_scan_log(log.save(tmp_path / "log.npz"))
     assert np.array_equal(read.colors, log.colors)

@@ -25,6 +25,7 @@ def test_lanes_end_before_the_pit_and_run_both_ways() -> None:
     assert sorted(lane.start[0] for lane in lanes) == sorted(lane.end[0] for lane in lanes)
 
 
+@pytest.mark.slow
 def test_a_patch_and_the_ground_are_felt() -> None:
     readings = drive_lanes(Arena.from_course(ICED), SlipNoise(), np.random.default_rng(0))
     again = drive_lanes(Arena.from_course(ICED), SlipNoise(), np.random.default_rng(0))

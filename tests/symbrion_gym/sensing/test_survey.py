@@ -43,6 +43,7 @@ def test_the_log_is_whole(log, tmp_path):
     assert load_scan_log(log.save(tmp_path / "a.npz")).report == log.report
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_logs_and_others_do_not(log):
     again = survey(SURFACE, path=PATH, sensor=QUICK, seed=0)
     other = survey(SURFACE, path=PATH, sensor=QUICK, seed=1)

@@ -112,6 +112,7 @@ def test_a_robot_that_waits_faces_the_beacon() -> None:
     np.testing.assert_allclose(place[:2], [0.2, 0.75], atol=0.02)
 
 
+@pytest.mark.slow
 def test_a_robot_that_asks_in_vain_draws_nearer(monkeypatch: pytest.MonkeyPatch) -> None:
     def hear(*values, collides=False, heard=sensing.hear):
         return Heard.make_nothing(2) if collides else heard(*values)

@@ -75,6 +75,7 @@ def search(seed, iterations=10, **changes):
     return taught
 
 
+@pytest.mark.slow
 def test_the_search_is_repeatable_and_finds_the_longest_row():
     """In most of six searches: 16 of 173 bodies learn to the end, of which chance has the longest row in one of 11."""
     taught = [search(seed) for seed in range(6)]

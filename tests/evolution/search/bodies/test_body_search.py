@@ -62,6 +62,7 @@ def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     assert summarize(evolve(replace(config, seed=1), simulate=landscape)) != summarize(first)
 
 
+@pytest.mark.slow
 def test_a_resumed_run_equals_one_that_never_stopped_also_after_a_kill(whole, tmp_path):
     count = 0
 
@@ -105,6 +106,7 @@ def test_what_a_body_learns_depends_on_no_other():
     assert set(first) < set(second)
 
 
+@pytest.mark.slow
 def test_as_many_learn_on_as_make_all_levels_cost_the_same():
     assert [LEARNING.count_trials(level) for level in range(3)] == [1 + 2, 4 + 2, 2 * 4 + 2]
     cheap = replace(LEARNING, levels=(1, 4), is_examined_early=False)

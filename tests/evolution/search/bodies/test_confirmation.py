@@ -101,6 +101,7 @@ def test_each_body_is_a_candidate_once_with_its_fittest_examined_result(whole):
     assert list_candidates([*untried, whole.results[0]]) == [whole.results[0]]
 
 
+@pytest.mark.slow
 def test_any_interruption_gives_the_same_files(whole, tmp_path):
     count = Physics()
     search(None, count)

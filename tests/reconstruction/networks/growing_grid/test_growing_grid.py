@@ -42,6 +42,7 @@ def grown(step) -> State:
     return train(draw(step, 20_000), GrowingGridConfig(units=300), seed=0)
 
 
+@pytest.mark.slow
 def test_it_finds_the_surface_up_to_its_rim(step, grown):
     quality = judge(grown, step)
     assert quality.truth_to_mesh is not None
@@ -53,6 +54,7 @@ def test_it_finds_the_surface_up_to_its_rim(step, grown):
     assert quality.min_angle > np.deg2rad(30)
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_bytes(step):
     points = draw(step, 6000)
     first, again, other = (train(points, GrowingGridConfig(units=300), seed=s) for s in (3, 3, 4))
@@ -60,6 +62,7 @@ def test_equal_seeds_give_equal_bytes(step):
     assert first.units.tobytes() != other.units.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-3, 1e2])
 def test_the_unit_of_length_does_not_matter(step, scale):
     points = draw(step, 6000)
@@ -89,6 +92,7 @@ def test_the_paper_rules_spread_over_the_surface(step, insertion):
     assert again.units.tobytes() == state.units.tobytes()
 
 
+@pytest.mark.slow
 def test_outliers_and_doubled_points_do_little_harm(step):
     points = draw(step, 10_000)
     outliers = np.random.default_rng(1).uniform(points.min(axis=0) - 0.1, points.max(axis=0) + 0.1, (500, 3))
@@ -99,6 +103,7 @@ def test_outliers_and_doubled_points_do_little_harm(step):
     assert quality.topology.is_manifold
 
 
+@pytest.mark.slow
 def test_a_ring_keeps_its_hole():
     rng = np.random.default_rng(0)
     radius, angle = rng.uniform(0.7, 1.0, 8000), rng.uniform(0, 2 * np.pi, 8000)

@@ -1,6 +1,7 @@
 """What a map leaves uncovered in an uneven cloud is found, and covered by a map beside it."""
 
 import numpy as np
+import pytest
 from constants import with_constants
 
 from reconstruction._src.networks.gsrm import gsrm
@@ -31,6 +32,7 @@ def test_only_groups_far_from_every_face_are_uncovered():
     assert not find_uncovered(few, *SQUARE).any()
 
 
+@pytest.mark.slow
 def test_what_was_dropped_as_debris_is_covered_and_the_rest_stays_as_it_is():
     samples = make_scan()
     config = GSRMConfig(units=400)

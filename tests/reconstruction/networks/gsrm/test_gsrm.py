@@ -30,6 +30,7 @@ def _grow(points: np.ndarray, units: int = 300, seed: int = 0) -> tuple[State, T
     return state, topology
 
 
+@pytest.mark.slow
 @SEEDS
 def test_a_sheet_has_one_rim(seed: int) -> None:
     points = make_sheet(seed=seed)
@@ -39,6 +40,7 @@ def test_a_sheet_has_one_rim(seed: int) -> None:
     assert compute_distances(points, state.units, state.faces).mean() < 0.004
 
 
+@pytest.mark.slow
 @SEEDS
 def test_sharp_edges_and_vertical_walls(seed: int) -> None:
     points = make_trench(seed=seed)
@@ -48,6 +50,7 @@ def test_sharp_edges_and_vertical_walls(seed: int) -> None:
     assert compute_distances(clean, state.units, state.faces).mean() < 0.0015
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mesh", "euler_number"), [(SPHERE, 2), (TORUS, 0)])
 def test_closed_surfaces(mesh: trimesh.Trimesh, euler_number: int) -> None:
     _, topology = _grow(sample_mesh(mesh, 20000, 0.01), 800)
@@ -61,6 +64,7 @@ def test_several_components() -> None:
     assert (topology.euler_number, topology.boundary_loops, topology.components) == (2, 0, 2)
 
 
+@pytest.mark.slow
 def test_outliers_and_duplicates() -> None:
     rng = np.random.default_rng(0)
     clean = make_sheet(12000)
@@ -78,6 +82,7 @@ def _mesh_of(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return state.units, state.faces
 
 
+@pytest.mark.slow
 def test_uneven_density() -> None:
     points = make_sheet(60000)
     rng = np.random.default_rng(1)
@@ -87,6 +92,7 @@ def test_uneven_density() -> None:
     assert compute_distances(make_sheet(noise=0.0), state.units, state.faces).mean() < 0.006
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", [200, 800, pytest.param(2200, marks=pytest.mark.slow)])
 def test_noisy_scan_lines_far_apart_make_one_sheet(units: int) -> None:
     rng = np.random.default_rng(0)
@@ -104,6 +110,7 @@ def test_thin_bodies_are_closed_along_their_sharp_rim(seed: int) -> None:
     assert (topology.euler_number, topology.boundary_loops, topology.components) == (2, 0, 1)
 
 
+@pytest.mark.slow
 def test_a_hole_in_the_data_stays_open() -> None:
     points = make_sheet(20000)
     _, topology = _grow(points[np.linalg.norm(points[:, :2], axis=1) > 0.2], 600)
@@ -120,6 +127,7 @@ def test_scale_is_free(scale: float) -> None:
     assert distance.mean() < 0.003
 
 
+@pytest.mark.slow
 @given(
     number=st.integers(4, 60),
     units=st.integers(4, 60),
@@ -144,6 +152,7 @@ def test_few_points_give_a_manifold_or_a_refusal(number: int, units: int, kind: 
     assert count_topology(state.faces, len(state.units)).is_manifold
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_bunny(shared_data: Path) -> None:
     bunny = trimesh.load(shared_data / "stanford-bunny.obj", process=False)

@@ -1,6 +1,7 @@
 """The sequential rules, one by one, and what they make of a cloud."""
 
 import numpy as np
+import pytest
 import trimesh
 from shapes import make_sheet, sample_mesh
 
@@ -105,6 +106,7 @@ def test_patching_rules() -> None:
     assert len(mesh.gather_faces()) == 2
 
 
+@pytest.mark.slow
 def test_the_rules_cover_a_sheet_and_a_sphere() -> None:
     sheet = make_sheet(4000)
     state = train(sheet, GSRMConfig(units=120, mode="paper"), 0)

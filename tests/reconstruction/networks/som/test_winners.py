@@ -19,6 +19,7 @@ def _distances(samples: np.ndarray, units: np.ndarray, winners: np.ndarray) -> n
     return np.linalg.norm(samples[:, None] - units[winners], axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("num_samples", [1, 65, 5000])
 @pytest.mark.parametrize("num_units", [3, 700])
 @pytest.mark.parametrize("k", [1, 3])

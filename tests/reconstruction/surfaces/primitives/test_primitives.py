@@ -29,6 +29,7 @@ def test_the_noise_of_a_surface_is_estimated() -> None:
     assert estimate_noise(np.asarray(mesh.vertices), np.asarray(mesh.faces)) == pytest.approx(0.002, rel=0.35)
 
 
+@pytest.mark.slow
 def test_a_sphere_on_a_plane_is_a_sphere_and_its_floor_a_box() -> None:
     mesh = make_noisy(make_sphere_on_plane(), edge=0.2)
     found = find_primitives(mesh)
@@ -39,6 +40,7 @@ def test_a_sphere_on_a_plane_is_a_sphere_and_its_floor_a_box() -> None:
     assert measure_rest(found, mesh) < 0.01
 
 
+@pytest.mark.slow
 def test_a_column_in_a_room_is_a_cylinder_between_floor_and_ceiling() -> None:
     mesh = make_noisy(make_column_room(), edge=0.12)
     found = find_primitives(mesh)
@@ -53,6 +55,7 @@ def test_a_column_in_a_room_is_a_cylinder_between_floor_and_ceiling() -> None:
         assert (places < np.array([1.0, 0.8, 0.5]) + 0.07).all()
 
 
+@pytest.mark.slow
 def test_boxes_need_sides_at_right_angles_that_are_there() -> None:
     solid = trimesh.boolean.union(
         [make_box((2, 2, 0.5), (0, 0, -0.25)), make_box((0.5, 0.4, 0.6), (0.2, 0.1, 0.25))]

@@ -18,6 +18,7 @@ SENSES = ("pitch", "goal", "goal_direction")
 DRIVEN = {"track_control": "skid", "sensors": SENSES}
 
 
+@pytest.mark.slow
 def test_places_are_reached_in_turn_as_on_the_host():
     places = {"places": ((-1.9, 0.0), (-1.75, 0.05)), "goal": (-1.5, 0.0), "tolerance": 0.06}
     both = Both(arena="gsrm", task="reach", modules=1, start=(-2.1, 0.0), **places, **DRIVEN)
@@ -29,10 +30,12 @@ def test_places_are_reached_in_turn_as_on_the_host():
     assert (np.asarray(both.episode.headed) > 0).all(), "by dead reckoning, too"
 
 
+@pytest.mark.slow
 def test_the_way_around_corners_is_as_long_as_on_the_host():
     run(Both(modules=3, task="reach", distance=0.8, randomize=RANDOM, sensors=SENSES), 60, -1.0, 1.0)
 
 
+@pytest.mark.slow
 def test_an_object_is_reached_as_on_the_host():
     box, facing = trimesh.creation.box((0.2, 0.2, 0.2)), np.diag([-1.0, -1.0, 1.0])
     station = PlacedObject("station", np.array([-2.0, 0.3, 0.1]), facing, box)

@@ -17,11 +17,13 @@ from symbrion_gym._src.robot.scout_constants import SENSORS
 from symbrion_gym._src.tasks.terms import Termination
 
 
+@pytest.mark.slow
 def test_every_sensor_reads_as_on_the_host():
     sensors = tuple(name for name in SENSORS if name != "goal_direction")
     run(Both(modules=4, start="pit", pit=0.3, sensors=sensors, randomize=RANDOM), 60, -0.3, 0.3)
 
 
+@pytest.mark.slow
 def test_bodies_cross_and_are_rewarded_as_on_the_host():
     both = Both(modules=3, start="pit", pit=0.12, sensors=("pitch", "track_odometry", "goal_direction"))
     run(both, 700, 0.0, 0.0)
@@ -29,6 +31,7 @@ def test_bodies_cross_and_are_rewarded_as_on_the_host():
     assert (both.info["reward_success"] > 0.0).all()
 
 
+@pytest.mark.slow
 def test_bodies_fail_and_get_stuck_as_on_the_host():
     both = Both(modules=4, start="pit", pit=0.4, stuck_time=2.0, bottomless=True, failure_cost=1.0)
     run(both, 700, -1.0, 1.0)
@@ -36,6 +39,7 @@ def test_bodies_fail_and_get_stuck_as_on_the_host():
     assert both.info["stuck"].any() or both.info["touched_pit"].any() or both.info["rolled_over"].any()
 
 
+@pytest.mark.slow
 def test_a_body_that_fails_as_it_arrives_has_not_succeeded_as_on_the_host():
     options: dict[str, Any] = {"modules": 3, "start": "pit", "pit": 0.12, "sensors": ("pitch",)}
     both = Both(**options)
@@ -55,12 +59,14 @@ def is_late(state: Any, last: int) -> Any:
     return state.tick >= last
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", ["body", "modules", "skid"])
 def test_driven_tracks_are_commanded_as_on_the_host(control):
     sensors = ("track_odometry", "goal_direction", "roll", "goal")
     run(Both(modules=2, pit=0.0, track_control=control, sensors=sensors), 40, -1.0, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["cross_gap", "traverse"])
 def test_other_tasks_with_straight_ways_agree(task):
     run(Both(modules=3, task=task, sensors=("pitch",)), 40, -1.0, 1.0)
@@ -91,6 +97,7 @@ def count_low(state: Any) -> Any:
     return state.remember("low_ticks", 0.0) >= 5.0
 
 
+@pytest.mark.slow
 def test_a_term_of_a_user_remembers_as_on_the_host():
     task = World(EnvironmentConfig(modules=2, pit=0.0)).task
     own = Termination("low", count_low)
