@@ -61,7 +61,8 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     page.add_scene(
         _make_scene(arena, film.positions), "The site, and the champion on its way. Drag to turn it."
     )
-    page.add_figure(draw_tracks(film.positions, judged_in.surface), "Side view of the body at seven times.")
+    if champion.modules > 1:
+        page.add_figure(draw_tracks(film.positions, judged_in.surface), "Side view of the body at seven times.")
     page.add_section("Trials")
     rows = [
         [name, *(f"{held[name]} of {TRIALS}" for held in result.held.values())] for name in result.held[where]

@@ -192,17 +192,25 @@ def draw_learning_curve(
 def draw_tracks(
     positions: Float[np.ndarray, "T M 3"], surface: trimesh.Trimesh, snapshots: int = 7
 ) -> Figure:
-    """Draw the body from the side at several times, over the ground it drives on."""
+    """Draw the body from the side at several times, over the ground below the line from its start to its end."""
+    start, end = positions[0].mean(axis=0), positions[-1].mean(axis=0)
+    length = float(np.linalg.norm((end - start)[:2]))
+    ahead = (end - start)[:2] / length if length > 0 else np.array([1.0, 0.0])
+    cut = trimesh.intersections.mesh_plane(surface, (-ahead[1], ahead[0], 0.0), start)
+    ground, bodies = (
+        np.stack([(places[..., :2] - start[:2]) @ ahead, places[..., 2]], axis=-1)
+        for places in (np.asarray(cut).reshape(-1, 2, 3), positions)
+    )
     figure = Figure(figsize=(CHART_WIDTH, 2.2), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
-    axes.add_collection(LineCollection(list(_cut(surface, 0.013)), colors=INK_COLOR, linewidths=1.6))
+    axes.add_collection(LineCollection(list(ground), colors=INK_COLOR, linewidths=1.6))
     colors = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, snapshots))
-    for color, body in zip(
-        colors, positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)], strict=True
-    ):
-        axes.plot(body[:, 0], body[:, 2], "-o", color=color, ms=4, lw=1.2)
-    low, high = positions[..., 0].min(), positions[..., 0].max()
-    axes.set(xlim=(low - 0.2, high + 0.2), ylim=(-0.06, 0.75), aspect="equal", xlabel="x [m]", ylabel="z [m]")
+    chosen = bodies[np.linspace(0, len(bodies) - 1, snapshots).astype(int)]
+    for color, body in zip(colors, chosen, strict=True):
+        axes.plot(body[:, 0], body[:, 1], "-o", color=color, ms=4, lw=1.2)
+    (left, low), (right, high) = bodies.min(axis=(0, 1)), bodies.max(axis=(0, 1))
+    axes.set(xlim=(left - 0.2, right + 0.2), ylim=(low - 0.2, high + 0.3), aspect="equal")
+    axes.set(xlabel="along the way [m]", ylabel="z [m]")
     style_axes(axes)
     return figure
 

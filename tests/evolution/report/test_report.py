@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+import trimesh
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -42,6 +43,18 @@ def test_figures_show_something() -> None:
     open_picture(report.draw_learning_curve(np.arange(3), np.arange(3.0), np.zeros(3)))
     body = np.zeros((50, 8, 3)) + np.linspace(0, 1, 8)[:, None]
     open_picture(report.draw_tracks(body, surface))
+
+
+def test_the_side_view_follows_the_body_in_any_direction() -> None:
+    ground = trimesh.Trimesh(
+        [[0, 0, 0], [5, 0, 0], [5, 9, 0.9], [0, 9, 0.9]], [[0, 1, 2], [0, 2, 3]], process=False
+    )
+    way = np.linspace([3.0, 2.0, 0.25], [3.0, 6.0, 0.65], 40)
+    axes = report.draw_tracks(np.stack([way, way - [0, 0.1254, 0.0125]], axis=1), ground).axes[0]
+    segments = np.concatenate(axes.collections[0].get_segments())
+    np.testing.assert_allclose(segments[:, 1], 0.1 * (segments[:, 0] + 2.0 - 0.0627), atol=1e-9)
+    assert axes.get_xlim()[0] > -1
+    assert axes.get_xlim()[1] == pytest.approx(4.2, abs=0.1)
 
 
 def test_equal_figures_are_equal_files() -> None:
