@@ -62,7 +62,9 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
         _make_scene(arena, film.positions), "The site, and the champion on its way. Drag to turn it."
     )
     if champion.modules > 1:
-        page.add_figure(draw_tracks(film.positions, judged_in.surface), "Side view of the body at seven times.")
+        page.add_figure(
+            draw_tracks(film.positions, judged_in.surface), "Side view of the body at seven times."
+        )
     page.add_section("Trials")
     rows = [
         [name, *(f"{held[name]} of {TRIALS}" for held in result.held.values())] for name in result.held[where]
@@ -119,8 +121,8 @@ def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
 def _compare_models(result: Training, positions: np.ndarray) -> str:
     """Return how far the models differ where the robot drove."""
     assert result.other is not None
-    x, y = positions[..., 0].ravel(), positions[..., 1].ravel()
-    gaps = np.abs(result.arena.height(x, y) - result.other.height(x, y))
+    places = positions.reshape(-1, 3).T
+    gaps = np.abs(result.arena.elevation.height_below(*places) - result.other.elevation.height_below(*places))
     gaps = gaps[np.isfinite(gaps)]
     if not len(gaps):
         return "Where the champion drove, only one of the models has a surface."

@@ -67,6 +67,8 @@ def find_path(
             f"the path has {len(corners)} corners, more than {MAX_CORNERS}; give places that are nearer"
         )
     x, y, z = legs[0].start
+    way = np.concatenate([leg.path for leg in legs])
+    lies_under = (arena.height(way[:, 0], way[:, 1]) - way[:, 2] > organism.scout.size[2]).any()
     heading = legs[0].heading if heading is None else heading
     c, n = float(np.cos(heading)), float(np.sin(heading))
     low, high = np.asarray(arena.surface.bounds, dtype=np.float64)
@@ -77,7 +79,7 @@ def find_path(
         finish=np.inf,
         half_width=2 * float(np.linalg.norm((high - low)[:2])) + float(np.abs([low[:2], high[:2]]).max()),
         lowest=find_lowest(arena),
-        start_height=z if float(arena.height(x, y)) - z > organism.scout.size[2] else None,
+        start_height=z if lies_under else None,
         corners=tuple(corners),
         is_place=tuple(is_place),
     )

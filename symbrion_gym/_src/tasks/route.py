@@ -65,7 +65,7 @@ class Route(Line):
     lowest: float  # height below which a module has fallen off [m]
     # s of the near edge, s of the far edge and height of the floor of the pit [m]; None without a pit
     pit: tuple[float, float, float] | None = None
-    # z of the ground at the start where something lies above it, as a ceiling or a table [m]; None where the
+    # z of the ground at the start where something lies above the way, as a ceiling or a table [m]; None where the
     # ground is the highest surface everywhere
     start_height: float | None = None
 
@@ -287,7 +287,7 @@ Ends = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]
 def _find_ends(
     arena: Arena, organism: Organism, middle_way: Ends, start: np.ndarray | None, goal: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, float | None]:
-    """Return start and goal on the ground, and the height of the start where something lies above it.
+    """Return start and goal on the ground, and the height of the start where something lies above it or the goal.
 
     The way through the middle is kept where it is open to the sky and no wall stands on it; elsewhere, as in a room,
     about the longest straight way over walkable ground is chosen.
@@ -320,7 +320,10 @@ def _find_ends(
     assert goal is not None
     first = find_standing_place(ground, "start", start, arena.name, _STOREY)
     begin, end, height = start[:2], goal[:2], float(ground.height[first])
-    return begin, end, height if _lies_under(arena, begin, end, height, length) else None
+    is_under = _lies_under(arena, begin, end, height, length)
+    if last is not None:
+        is_under |= float(arena.height(end[0], end[1])) - float(ground.height[last]) > LIES_UNDER
+    return begin, end, height if is_under else None
 
 
 def choose_straight_way(

@@ -1,5 +1,9 @@
 """Ways on drivable ground are proposed."""
 
+import numpy as np
+import pytest
+import trimesh
+
 import symbrion_gym as sg
 from symbrion_gym._src.tasks.paths import propose_way
 
@@ -11,3 +15,19 @@ def test_a_way_is_proposed_on_one_side_of_the_stairs():
 
 def test_where_too_little_can_be_driven_no_way_is_proposed():
     assert propose_way(sg.load_arena("stairs"), sg.cross(9)) is None
+
+
+@pytest.mark.parametrize(("task", "control"), [("reach", "skid"), ("traverse", "constant")])
+def test_a_goal_below_a_shelf_is_reached_from_the_open(task, control):
+    boxes = [((-1, -1, -0.1), (3, 1, 0)), ((1.2, -1, 0.6), (3, 1, 0.7))]
+    pieces = [trimesh.creation.box(bounds=each) for each in boxes]
+    arena = sg.make_arena(trimesh.util.concatenate(pieces))
+    env = sg.OrganismEnv(
+        arena=arena, modules=1, task=task, track_control=control, start=(0, 0), goal=(1.7, 0)
+    )
+    env.reset(seed=0)
+    info, is_over = {}, False
+    while not is_over:
+        _, _, terminated, truncated, info = env.step(np.ones(env.action_space.shape))
+        is_over = terminated or truncated
+    assert info["success"], info["reason"]
