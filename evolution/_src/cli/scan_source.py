@@ -82,9 +82,8 @@ class ScanCommand(FrameCommand):
         if self.color_image is not None:
             require_file(self.color_image, "--color-image")
         self.require_positive("max_gigabytes", "thin")
-        if isinstance(self.crop, tuple) and not np.all(np.diff(np.reshape(self.crop, (3, 2))) > 0):
-            box = " ".join(map(str, self.crop))
-            raise UsageError(f"--crop {box} is empty; give XMIN XMAX YMIN YMAX ZMIN ZMAX, or auto")
+        if isinstance(self.crop, tuple):
+            check_box(self.crop)
         kind, is_depth = self.source.suffix.lower(), self.intrinsics is not None
         if kind in PICTURES and not is_depth:
             raise UsageError(f"SCAN {self.source} is a picture; give the camera by --intrinsics FX FY CX CY")
@@ -105,17 +104,13 @@ class ScanCommand(FrameCommand):
         """Return the points of SCAN, pre-processed, cropped and thinned as the options say."""
         log = self._read_log()
         readings = self._read_cloud() if log is None else rc.recenter(rc.make_log_cloud(rc.level_floor(log)))
-        ends = (edge + readings.offset for edge in (readings.points.min(axis=0), readings.points.max(axis=0)))
-        extent = format_extents(*ends)
         box = np.reshape(self.crop, (3, 2)).T if isinstance(self.crop, tuple) else None
         if self.crop == "auto":
             box = rc.find_crop_box(readings) + readings.offset
             if log is None:  # strays would decide how dense the filters take the cloud to be
-                readings = _crop(readings, box)
+                readings = crop_cloud(readings, box, self.source)
         points = readings if self.raw else rc.preprocess_cloud(readings if log is None else log)
-        readings, points = _crop(readings, box), _crop(points, box)
-        if not points.num_points:
-            raise UsageError(f"--crop leaves none of the points of {self.source}; they are at {extent}")
+        readings, points = (crop_cloud(each, box, self.source) for each in (readings, points))
         from symbrion_gym._src.sensing.survey import SPACING
 
         spacing = SPACING if self.thin is None and log is not None else self.thin
@@ -162,6 +157,20 @@ class ScanCommand(FrameCommand):
         return cloud
 
 
-def _crop(cloud: rc.Cloud, box: Float[np.ndarray, "2 3"] | None) -> rc.Cloud:
-    """Return the points in a box in the coordinates of the file."""
-    return cloud if box is None else rc.crop(cloud, box - cloud.offset)
+def check_box(box: Box) -> None:
+    """Refuse a box without inside."""
+    if not np.all(np.diff(np.reshape(box, (3, 2))) > 0):
+        raise UsageError(
+            f"--crop {' '.join(map(str, box))} is empty; give XMIN XMAX YMIN YMAX ZMIN ZMAX, or auto"
+        )
+
+
+def crop_cloud(cloud: rc.Cloud, box: Float[np.ndarray, "2 3"] | None, path: Path) -> rc.Cloud:
+    """Return the points of a file in a box in its coordinates; a box without any is refused."""
+    if box is None:
+        return cloud
+    inside = rc.crop(cloud, box - cloud.offset)
+    if not inside.num_points:
+        ends = (edge(axis=0) + cloud.offset for edge in (cloud.points.min, cloud.points.max))
+        raise UsageError(f"--crop leaves none of the points of {path}; they are at {format_extents(*ends)}")
+    return inside

@@ -9,7 +9,7 @@ import trimesh
 
 import symbrion_gym as sg
 from evolution._src.champions.playback import play
-from evolution._src.experiments.training import TRIALS, Training
+from evolution._src.experiments.training import GOOD, TRIALS, Training
 from evolution._src.report.arena_view import draw_arena
 from evolution._src.report.body_page import describe_machine
 from evolution._src.report.figures import draw_learning_curve, draw_tracks, to_png
@@ -20,7 +20,6 @@ from reconstruction._src.base.range_checks import format_count, format_distance
 from symbrion_gym._src.traversability.routes import DrivingRoute
 
 _GROUND, _UNSEEN = "#cfd3da", "#e7a08f"  # Colors of the surface, and of what both halves do not confirm
-_THRESHOLD = 0.9  # Share of the trials that a good champion holds
 
 
 def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
@@ -36,13 +35,15 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
         "From a scan to a robot that drives there",
         summary="The readings of the scan are split into two halves that share none. Each becomes a model of the site. "
         "A controller evolves from zero in the first; whether it drives is judged in the other, which evolution never "
-        "saw.",
+        "saw."
+        if result.other is not None
+        else "A controller evolves from zero on this surface, and is judged there: a mesh has no readings to split.",
         footer=f"symbrion train --seed {seed} · {describe_machine()}",
     )
     page.add_verdict(f"{str(result.verdict).capitalize()}.", good=result.verdict.answer == "yes")
     for place, drivers in result.held.items():
         text = f"The champion ({body}) holds in {drivers['champion']} of {TRIALS} fresh trials: {place}."
-        page.add_verdict(text, good=drivers["champion"] >= _THRESHOLD * TRIALS)
+        page.add_verdict(text, good=drivers["champion"] >= GOOD * TRIALS)
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
     named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
     way = f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.verdict import Verdict
 
 TRIALS = 20  # Trials in each arena of the champion, and of what it is compared with
+GOOD = 0.9  # Share of them that a good champion holds
 
 
 @dataclass(frozen=True, eq=False)

@@ -193,12 +193,8 @@ def _make_cloud(
         text = "%s: dropped %d beams without return, which stand where the sensor stood, kept %d"
         _logger.warning(text, path, missed.sum(), cloud.num_points)
     if num_dropped:
-        _logger.warning(
-            "%s: dropped %d rows that are not finite, or of classes that are not wanted, kept %d",
-            path,
-            num_dropped,
-            cloud.num_points,
-        )
+        why = "not finite, or of classes that are not wanted" if raw.num_ignored else "not finite"
+        _logger.warning("%s: dropped %d rows that are %s, kept %d", path, num_dropped, why, cloud.num_points)
     return cloud
 
 

@@ -112,7 +112,7 @@ def _judge_up(surface: trimesh.Trimesh, ground: TraversabilityMap | None) -> Ite
     if shares[axis] > _OTHER_AXIS * shares[2] and _find_area(ground) < _LEAST_AREA[0]:
         name, (along, upright) = "xyz"[axis], (format_share(float(each)) for each in shares[[axis, 2]])
         meaning = f"{along} of the surface is level along {name} and {upright} along z"
-        remedy = f"where {name} points up, read it by --up {name} or --up=-{name}"
+        remedy = "give the axis of the file that points up by --up"
         yield Reason("up_axis", float(shares[2]), "no", meaning, remedy)
 
 
@@ -125,7 +125,7 @@ def _judge_ground(
     yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, "symbrion view shows it; scan more ground")
     if ground is not None and ground.grid.cell > ROBOT:
         meaning = f"its map has cells of {format_distance(ground.grid.cell)}, wider than the robot"
-        yield Reason("cell", ground.grid.cell, "no", meaning, "symbrion reconstruct --crop a part, or --tile")
+        yield Reason("cell", ground.grid.cell, "no", meaning, "--crop a part, or symbrion reconstruct --tile")
     level = _select_level(seen)
     if not len(level.faces):
         return
@@ -134,27 +134,23 @@ def _judge_ground(
     ends = rays.cast(np.add(points, [0.0, 0.0, _ABOVE]), np.tile([0.0, 0.0, -1.0], (len(points), 1)))
     loose = float((np.abs(ends - _ABOVE) > _HELD).mean())
     meaning = f"{format_share(loose)} of the level ground has no contact within 2 cm"
-    yield from _weigh("loose_ground", loose, _LOOSE, meaning, "more --max-pieces, or another --kind")
+    yield from _weigh(
+        "loose_ground", loose, _LOOSE, meaning, "symbrion arena with more --max-pieces, or another --kind"
+    )
 
 
 def _judge_contact(quality: ArenaQuality, accuracy: float) -> Iterator[Reason]:
     """Yield what is wrong with the contact everywhere: too coarse, not there, or in the way of the scanner's beams."""
     meaning = f"the readings allow contact {format_distance(accuracy)} off"
-    yield from _weigh(
-        "accuracy", accuracy, _ACCURACY, meaning, "scan from nearer, or symbrion reconstruct --crop"
-    )
+    yield from _weigh("accuracy", accuracy, _ACCURACY, meaning, "scan from nearer, or --crop")
     meaning = f"{format_share(quality.uncovered)} of the surface has no contact within 5 cm"
     yield from _weigh(
-        "uncovered",
-        quality.uncovered,
-        _UNCOVERED,
-        meaning,
-        "more --max-pieces, or symbrion reconstruct --crop",
+        "uncovered", quality.uncovered, _UNCOVERED, meaning, "symbrion arena --max-pieces, or --crop"
     )
     if quality.beams_contact is not None and quality.beams_surface:
         lost = max(1.0 - quality.beams_contact / quality.beams_surface, 0.0)
         meaning = f"{format_share(lost)} of the beams that end right on the surface end elsewhere on contact"
-        yield from _weigh("beams", lost, _BEAMS, meaning, "check --viewpoint, or more --max-pieces")
+        yield from _weigh("beams", lost, _BEAMS, meaning, "check --viewpoint, or symbrion arena --max-pieces")
 
 
 def _judge_unseen(surface: trimesh.Trimesh, seen: trimesh.Trimesh) -> Iterator[Reason]:
@@ -162,9 +158,7 @@ def _judge_unseen(surface: trimesh.Trimesh, seen: trimesh.Trimesh) -> Iterator[R
     whole = float(_select_level(surface).area)
     unseen = 1.0 - float(_select_level(seen).area) / whole if whole else 0.0
     meaning = f"{format_share(unseen)} of the level ground was not seen"
-    yield from _weigh(
-        "unseen_ground", unseen, _UNSEEN, meaning, "scan from more places, or symbrion reconstruct --crop"
-    )
+    yield from _weigh("unseen_ground", unseen, _UNSEEN, meaning, "scan from more places, or --crop")
 
 
 def _find_area(ground: TraversabilityMap | None) -> float:

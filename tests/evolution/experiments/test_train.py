@@ -9,6 +9,7 @@ import trimesh
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
+from evolution._src.cli.main import run
 from evolution._src.experiments import train as training
 from evolution._src.experiments.train import split_readings
 from symbrion_gym._src.contact.quality import ArenaQuality
@@ -33,7 +34,7 @@ def test_halves_share_no_reading() -> None:
 
 @pytest.mark.slow
 def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training, "GENERATIONS", 1)
+    monkeypatch.setattr(training, "GENERATIONS", 4)
     monkeypatch.setattr(training, "TRIALS", 6)
     result = ev.train(make_scan(), tmp_path / "mine", workers=2)
     assert result.verdict == result.arena.verdict
@@ -52,6 +53,24 @@ def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: p
     assert (again.held, again.run.champion) == (result.held, result.run.champion)
     with pytest.raises(ev.RunError, match=r"other options \(scan\)"):
         ev.train(make_scan(seed=1), tmp_path / "mine")
+
+
+@pytest.mark.parametrize(
+    ("name", "box", "message"),
+    [
+        ("a.xyz", "0 0 0 1 0 1", "is empty"),
+        ("a.stl", "0 1 0 1 0 1", "is for points"),
+        ("a.xyz", "5 6 5 6 0 1", "leaves none"),
+    ],
+)
+def test_a_part_of_a_scan_is_cropped_or_refused(tmp_path, capsys, name, box, message) -> None:
+    path = tmp_path / name
+    if name.endswith("stl"):
+        trimesh.creation.box().export(path)
+    else:
+        np.savetxt(path, make_scan().points)
+    assert run(["train", str(path), "--out", str(tmp_path / "x"), "--crop", *box.split()]) in (1, 2)
+    assert message in capsys.readouterr().err
 
 
 def test_what_the_other_half_does_not_confirm_is_unseen() -> None:

@@ -10,12 +10,13 @@ import tyro
 from evolution._src.cli.command import (
     SeededCommand,
     TrustingCommand,
+    UsageError,
     require_file,
     require_writable_folder,
     write_file,
 )
 from evolution._src.cli.console import Console
-from evolution._src.cli.scan_source import FrameCommand
+from evolution._src.cli.scan_source import Box, FrameCommand, check_box, crop_cloud
 from reconstruction._src.base.extras import require_extras
 
 _STORY_COLUMNS = {
@@ -90,6 +91,8 @@ class Train(FrameCommand, Experiment):
     """Output folder; open report.html in it."""
     classes: tuple[int, ...] = ()
     """Classes of a .las or .laz file that are used. Default: all but noise, water, high vegetation and wires."""
+    crop: Box | None = None
+    """Use only the points in this box: XMIN XMAX YMIN YMAX ZMIN ZMAX [m], in the coordinates of the file with z up."""
     start: tuple[float, float] | None = None
     """Where the robot starts: X Y [m]. Default: chosen on ground that both halves confirm."""
     goal: tuple[float, float] | None = None
@@ -102,17 +105,26 @@ class Train(FrameCommand, Experiment):
         super().check()
         if not self.scan.is_dir():
             require_file(self.scan, "SCAN")
+        if self.crop is not None:
+            check_box(self.crop)
 
     def explain_interruption(self) -> str:
         return "what is done is kept; the same command goes on"
 
     def run(self, console: Console) -> dict[str, Any]:
+        import numpy as np
+
         import evolution as ev
+        import reconstruction as rc
         from evolution._src.experiments.train import read_site
 
         with console.track(f"Training in {self.scan.name}") as step:
             frame = {"unit": self.unit, "up": self.up, "scale": self.scale, "classes": self.classes or None}
             site = read_site(self.scan, self.viewpoint or None, **frame)
+            if self.crop is not None:
+                if not isinstance(site, rc.Cloud):
+                    raise UsageError(f"--crop is for points, which {self.scan} are not")
+                site = crop_cloud(site, np.reshape(self.crop, (3, 2)).T, self.scan)
             names = ("start", "goal", "organism", "seed", "workers")
             options: dict[str, Any] = {name: getattr(self, name) for name in names}
             result = ev.train(site, self.out, progress=step.progress, **options)
@@ -121,12 +133,16 @@ class Train(FrameCommand, Experiment):
 
 def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
     """Print what a robot has learned, and return it as a summary."""
-    from evolution._src.experiments.training import TRIALS
+    from evolution._src.experiments.training import GOOD, TRIALS
 
     console.print_line(str(result.verdict))
     for where, drivers in result.held.items():
         counts = ", ".join(f"{name} {count}" for name, count in drivers.items())
         console.print_line(f"held of {TRIALS} trials, {where}: {counts}")
+    if min(drivers["champion"] for drivers in result.held.values()) < GOOD * TRIALS:
+        console.print_line(
+            "not a good champion; another way by --start X Y --goal X Y, or --seed, may have one"
+        )
     console.print_line(f"page: {result.page.resolve()}")
     config = result.run.config
     return {
