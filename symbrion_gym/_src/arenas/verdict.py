@@ -108,12 +108,12 @@ def _weigh(
 def _judge_up(surface: trimesh.Trimesh, ground: TraversabilityMap | None) -> Iterator[Reason]:
     """Yield a doubt about the axis that points up, where there is hardly anything to drive on."""
     shares = measure_level_areas(np.asarray(surface.vertices), np.asarray(surface.faces))
-    axis = int(shares.argmax())
-    if shares[axis] > _OTHER_AXIS * shares[2] and _find_area(ground) < _LEAST_AREA[0]:
+    axis, area = int(shares.argmax()), _find_area(ground)
+    if shares[axis] > _OTHER_AXIS * shares[2] and area < _LEAST_AREA[0]:
         name, (along, upright) = "xyz"[axis], (format_share(float(each)) for each in shares[[axis, 2]])
         meaning = f"{along} of the surface is level along {name} and {upright} along z"
         remedy = "give the axis of the file that points up by --up"
-        yield Reason("up_axis", float(shares[2]), "no", meaning, remedy)
+        yield Reason("up_axis", float(shares[2]), ANSWERS[1 + (area < _LEAST_AREA[1])], meaning, remedy)
 
 
 def _judge_ground(
