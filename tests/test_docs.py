@@ -100,7 +100,7 @@ def test_pages_are_few_and_short() -> None:
     assert sum(len(text.split()) for text in [readme, *(page.read_text() for page in pages)]) <= MOST_WORDS
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("page", WITH_PROGRAMS, ids=_name)
 def test_programs_of_a_page_run_in_order(page: Path, tmp_path: Path) -> None:
     program = tmp_path / "page.py"
@@ -117,7 +117,7 @@ def test_programs_of_a_page_run_in_order(page: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason="mkdocs is not installed: make docs")
 def test_site_builds_without_warnings(tmp_path: Path) -> None:
     words = ["-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]

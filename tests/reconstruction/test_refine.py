@@ -94,7 +94,7 @@ def test_a_new_part_grows(rooms, method):
 
 @pytest.mark.slow
 @METHODS
-@pytest.mark.parametrize("turns", [4, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("turns", [4, pytest.param(10, marks=pytest.mark.nightly)])
 def test_a_box_comes_and_goes(method, turns):
     surface = rc.reconstruct(make_floor((-1.5, 1.5), (-1, 1), 16_000, 3), method, units=700)
     first = surface

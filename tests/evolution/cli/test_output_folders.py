@@ -133,7 +133,7 @@ PROGRAM = "import sys; from evolution._src.cli.main import main; main(sys.argv[1
 KILLS = 6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("command", ["arena", "survey", "reconstruct"])
 def test_commands_killed_while_they_write(tmp_path, command):
     """Signal 9 comes a random moment after the first change in the folder."""

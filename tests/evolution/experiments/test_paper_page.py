@@ -17,7 +17,7 @@ from evolution import report
 from evolution._src.cli.main import run
 from evolution._src.report.figures import encode_png
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = [

@@ -43,7 +43,7 @@ def arena(scanned):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("num_vertices", "is_grid", "yaw"),
-    [(2200, False, np.radians(20)), *(pytest.param(*case, marks=pytest.mark.slow) for case in _COURSES)],
+    [(2200, False, np.radians(20)), *(pytest.param(*case, marks=pytest.mark.nightly) for case in _COURSES)],
 )
 def test_the_course_is_met_in_any_direction(num_vertices, is_grid, yaw):
     mesh = make_scanned_surface(Course().profile(), num_vertices=num_vertices, is_grid=is_grid)

@@ -54,7 +54,7 @@ def test_some_of_them(body, task, arena):
     check(body, task, arena)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("arena", ARENAS)
 @pytest.mark.parametrize("task", TASKS)
 @pytest.mark.parametrize("body", BODIES)
