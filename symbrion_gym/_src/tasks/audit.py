@@ -24,7 +24,9 @@ from symbrion_gym._src.tasks.reach import ReachObject, ReachPlaces
 from symbrion_gym._src.tasks.state import Scene
 from symbrion_gym._src.tasks.task import Task
 
-Height = Callable[[np.ndarray, np.ndarray], np.ndarray]  # From x and y [m] to the height of the ground [m]
+Height = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""From x, y and z of places to the height of the ground there [m]."""
+_HEADROOM = 0.1  # What lies this much higher than a place, or more, hangs above it [m]
 _HOLD_TIME = 0.3  # Length of the end that must be a success throughout [s]
 _CORNER = 0.05
 """Half the edge of the cube in a module that must be beyond the edge [m]; its corners may lie this much closer than its
@@ -97,10 +99,10 @@ def audit(trajectory: Trajectory, task: Task, scene: Scene, track_speed: float) 
     motion = Motion(trajectory.time, *place_tree(trajectory.qpos, organism))
     route = scene.route
 
-    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def height(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         if route.start_height is None:
             return scene.arena.height(x, y)
-        return scene.arena.elevation.height_below(x, y, np.full(np.shape(x), route.start_height + 0.25))
+        return scene.arena.elevation.height_below(x, y, z + _HEADROOM)
 
     progress = None
     if isinstance(goal, PassFinish):
@@ -203,7 +205,7 @@ def _find_overlaps(centers: Float[np.ndarray, "T n 3"], height: Height) -> list[
         nearest = np.linalg.norm(centers[:, apart:] - centers[:, :-apart], axis=2).min()
         if nearest < _SMALLEST_GAP:
             faults.append(f"modules {apart} apart came within {1000 * nearest:.0f} mm")
-    ground = np.asarray(height(centers[:, :, 0], centers[:, :, 1]))
+    ground = np.asarray(height(*np.moveaxis(centers, -1, 0)))
     if ((centers[:, :, 2] - ground < _SMALLEST_HEIGHT) & np.isfinite(ground)).any():
         faults.append("a module sank into the ground")
     return faults
@@ -228,8 +230,8 @@ def find_unsteady_end(motion: Motion, height: Height) -> list[str]:
     if motion.rotations[last][:, :, 2, 2].min() < _UPRIGHT:
         faults.append("a module does not end upright")
     lowest = np.take_along_axis(corners, corners[..., 2].argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
-    below_center = height(*np.moveaxis(motion.centers[last][..., :2], -1, 0))
-    ground = np.fmax(height(lowest[..., 0], lowest[..., 1]), below_center)
+    below_center = height(*np.moveaxis(motion.centers[last], -1, 0))
+    ground = np.fmax(height(*np.moveaxis(lowest, -1, 0)), below_center)
     if not (np.isfinite(below_center).all() and np.max(lowest[..., 2] - ground) < _CLEARANCE):
         faults.append("a module does not end on the ground")
     return faults

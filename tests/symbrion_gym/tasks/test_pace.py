@@ -106,7 +106,7 @@ def test_a_new_episode_forgets_it(world):
 def test_a_module_on_a_rim_stands_on_the_ground_while_its_center_is_over_it(x, faults, beyond):
     """Ground ends at x = 1; the corners of a module reach 5 cm from its center, and those ahead are lowest."""
 
-    def height(x, y):
+    def height(x, y, z):
         return np.where(x < 1.0, 0.0, beyond)
 
     time = np.arange(TICKS) * DT
