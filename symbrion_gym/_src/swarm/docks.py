@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from reconstruction._src.geometry.rows import dot_rows
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Docking, Organism
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
@@ -100,14 +101,14 @@ def _find_close_pairs(
     pairs = cKDTree(frames.position).query_pairs(reach, output_type="ndarray")
     first, second = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].T
     between = frames.position[second] - frames.position[first]
-    facing = -_multiply(frames.axis[first], frames.axis[second])
+    facing = -dot_rows(frames.axis[first], frames.axis[second])
     axis = frames.axis[first] - frames.axis[second]
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), np.finfo(float).tiny)
     up, other_up = (
-        frames.up[end] - _multiply(frames.up[end], axis)[:, None] * axis for end in (first, second)
+        frames.up[end] - dot_rows(frames.up[end], axis)[:, None] * axis for end in (first, second)
     )
-    roll = np.arctan2(_multiply(np.cross(up, other_up), axis), _multiply(up, other_up))
-    gap, rise, offset = (_multiply(between, each) for each in (axis, up, np.cross(axis, up)))
+    roll = np.arctan2(dot_rows(np.cross(up, other_up), axis), dot_rows(up, other_up))
+    gap, rise, offset = (dot_rows(between, each) for each in (axis, up, np.cross(axis, up)))
     is_close = (
         (np.abs(gap - SCOUT.dock_gap) <= LARGEST_GAP)
         & (np.abs(offset) <= LARGEST_OFFSET)
@@ -116,10 +117,6 @@ def _find_close_pairs(
         & (np.abs(roll) <= LARGEST_ROLL)
     )
     return first[is_close], second[is_close], np.linalg.norm(between, axis=1)[is_close]
-
-
-def _multiply(one: Float[np.ndarray, "P 3"], other: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:
-    return np.einsum("pi,pi->p", one, other)
 
 
 def find_groups(links: Sequence[Docking], num_robots: int) -> Int[np.ndarray, " N"]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from reconstruction._src.geometry.rows import dot_all, dot_rows
 from symbrion_gym._src.contact.quality import RayMesh
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class Sight(RayMesh):
         enter, leave = np.zeros(len(rays)), np.full(len(rays), np.inf)
         for axis, half in enumerate(self._half):
             normal = rotation[:, :, axis]
-            start, ahead = _multiply(place, normal), _multiply(direction, normal)
+            start, ahead = dot_rows(place, normal), dot_rows(direction, normal)
             ahead = np.where(np.abs(ahead) < _LEAST, _LEAST, ahead)
             one, other = (-half - start) / ahead, (half - start) / ahead
             enter = np.maximum(enter, np.minimum(one, other))
@@ -65,11 +66,11 @@ class Sight(RayMesh):
         """Return whether neither surface nor a third robot is between two places."""
         starts = places[fan]
         way = ends - starts
-        length = np.sqrt(_multiply(way, way))
+        length = np.sqrt(dot_rows(way, way))
         directions = way / np.maximum(length, _LEAST)[:, None]
         place = state.position
-        ahead = directions @ place.T - _multiply(directions, starts)[:, None]
-        squared = _multiply(place, place) + _multiply(starts, starts)[:, None] - 2.0 * starts @ place.T
+        ahead = dot_all(directions, place) - dot_rows(directions, starts)[:, None]
+        squared = dot_rows(place, place) + dot_rows(starts, starts)[:, None] - 2.0 * dot_all(starts, place)
         along = np.clip(ahead, 0.0, length[:, None])
         beside = squared + along * (along - 2.0 * ahead)
         beside[np.arange(len(first)), first] = np.inf
@@ -93,11 +94,6 @@ class Sight(RayMesh):
         )
         lowest = z - self._cell * np.abs(directions[:, 2])
         return np.any(lowest <= self._top[i, j], axis=0)
-
-
-def _multiply(one: Float[np.ndarray, "P 3"], other: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:
-    """Return the dot product of each row; faster than a sum over so short an axis."""
-    return one[:, 0] * other[:, 0] + one[:, 1] * other[:, 1] + one[:, 2] * other[:, 2]
 
 
 def _find_tops(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from reconstruction._src.geometry.rows import dot_all, dot_rows
 from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.docks import compute_dock_frames
@@ -143,7 +144,7 @@ def compute_light(
     start, start_axis = dock_place[sender, dock], dock_axis[sender, dock]
     pair, receiver = _find_pairs(state, sender, start, start_axis, sight.robot_radius)
     middle = (unit_place[:, ::2] + unit_place[:, 1::2]) / 2
-    facing = ((start[pair][:, None] - middle[receiver]) * unit_axis[receiver, ::2]) @ np.ones(3) > 0.0
+    facing = dot_rows(start[pair][:, None] - middle[receiver], unit_axis[receiver, ::2]) > 0.0
     row, side = np.nonzero(facing)
     pair, receiver = pair[row], receiver[row]
     units = 2 * side[:, None] + np.arange(2)
@@ -178,8 +179,8 @@ def _find_pairs(
 ) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
     """Return which senders may reach which robots: near enough for that part of the light, and not behind the dock."""
     place = state.position
-    ahead = axis @ place.T - (axis * start).sum(axis=1)[:, None]
-    squared = (place**2).sum(axis=1) + (start**2).sum(axis=1)[:, None] - 2.0 * start @ place.T
+    ahead = dot_all(axis, place) - dot_rows(axis, start)[:, None]
+    squared = dot_rows(place, place) + dot_rows(start, start)[:, None] - 2.0 * dot_all(start, place)
     outer_reach, reach = (
         (GAIN * lobe / _LEAST_READING) ** (1.0 / FALLOFF) + radius for lobe in (compute_lobe(_NARROW), 1.0)
     )
@@ -204,8 +205,8 @@ def compute_readings(
     unit_axis: Float[np.ndarray, "*S 3"],
 ) -> Float[np.ndarray, " *S"]:
     """Return what units read of senders in plain sight, without limit, ambient light and noise [counts]."""
-    way, ones = unit_place - place, np.ones(3)
-    distance = np.maximum(np.sqrt((way * way) @ ones), LEAST_DISTANCE)
-    sent = np.maximum((way * axis) @ ones / distance, 0.0)
-    seen = np.maximum(-((way * unit_axis) @ ones) / distance, 0.0)
+    way = unit_place - place
+    distance = np.maximum(np.sqrt(dot_rows(way, way)), LEAST_DISTANCE)
+    sent = np.maximum(dot_rows(way, axis) / distance, 0.0)
+    seen = np.maximum(-dot_rows(way, unit_axis) / distance, 0.0)
     return GAIN * compute_lobe(sent) * seen**RECEPTION * distance**-FALLOFF
