@@ -47,6 +47,7 @@ def test_importing_a_package_loads_nothing_heavy(package: str) -> None:
     assert not find_loaded(f"import {package}") & (OPTIONAL | LIBRARIES | BASE | COMMAND_LINE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "code"),
     [
@@ -71,6 +72,7 @@ def test_environment_with_a_ready_made_arena_loads_no_network_and_no_plots() -> 
     assert loaded >= BASE
 
 
+@pytest.mark.slow
 def test_many_environments_on_the_processor_load_nothing_of_the_gpu() -> None:
     program = ARENA.replace("make(", "make_vec(").replace(
         "modules=3", "vectorization_mode='vector_entry_point'"

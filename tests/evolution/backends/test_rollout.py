@@ -53,6 +53,7 @@ def test_jobs_of_several_bodies_and_starts_are_grouped():
     assert simulate(jobs, 1) == [simulate([job], 1)[0] for job in jobs]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["reactive", "path"])
 def test_the_single_environment_agrees_to_the_bit(law):
     controller = make_controller(law, 4)

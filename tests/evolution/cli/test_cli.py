@@ -133,6 +133,7 @@ def test_outputs_that_cannot_be_written_are_refused(words, option, capsys, tmp_p
     assert option in refuse(words, 2, capsys)
 
 
+@pytest.mark.slow
 def test_reconstruct_writes_mesh_and_summary(cloud, tmp_path, capsys):
     out = tmp_path / "surface.ply"
     assert run(["reconstruct", str(cloud), "--units", "100", "--out", str(out), "--json"]) == 0

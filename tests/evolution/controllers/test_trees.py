@@ -20,6 +20,7 @@ def find_body(name: str, control: str) -> tuple[Organism, int]:
     return organism, 2 * organism.num_modules if control == "skid" else 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", CONTROLLERS)
 def test_a_population_on_any_tree_acts_as_each_alone(law):
     """It reads no more than it names, and what a robot senses; a search can begin at its hint."""

@@ -31,6 +31,7 @@ def fit(vertices: np.ndarray, faces: np.ndarray, samples: np.ndarray) -> np.ndar
     return fit_surface(vertices, faces, samples, winners=cKDTree(vertices).query(samples)[1])
 
 
+@pytest.mark.slow
 def test_the_fit_brings_the_faces_to_the_samples_and_the_rim_out():
     vertices, faces = make_roof()
     samples = make_samples()
@@ -41,6 +42,7 @@ def test_the_fit_brings_the_faces_to_the_samples_and_the_rim_out():
     assert vertices[:, 1].max() == pytest.approx(0.9)
 
 
+@pytest.mark.slow
 def test_outliers_hardly_matter():
     vertices, faces = make_roof()
     samples = make_samples()

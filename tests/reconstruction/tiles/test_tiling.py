@@ -45,6 +45,7 @@ def test_the_surface_is_near_the_truth_and_has_no_steps(tiles):
     assert figures["step_max"] < NOISE / 100
 
 
+@pytest.mark.slow
 def test_the_index_describes_the_tiles(tiles):
     index = json.loads((tiles.folder / INDEX).read_text())
     assert index["points"] == sum(entry["points"] for entry in index["tiles"]) == 16_000

@@ -73,6 +73,7 @@ def test_it_is_saved_loaded_and_opened_by_mujoco(arena: sg.Arena, tmp_path: Path
     assert model.ngeom == arena.spec().compile().ngeom
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [

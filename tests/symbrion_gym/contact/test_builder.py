@@ -59,6 +59,7 @@ def test_boxes_are_refused_where_they_move_the_ground(mesh, monkeypatch):
     assert "refused" in find_note(contact, "fit boxes")
 
 
+@pytest.mark.slow
 def test_without_slabs_patches_follow_the_course(mesh, dense):
     contact = make_contact(mesh, ContactOptions(kind="convex"), ACCURACY)
     assert contact.notes["way"] == "patches of planes and triangles"

@@ -10,6 +10,7 @@ from symbrion_gym._src.contact.planes import Planes, find_planes, share_planes
 from symbrion_gym._src.errors import ArenaError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("num_vertices", "noise"), [(2200, 0.005), (7000, 0.003)])
 def test_finds_the_planes_of_the_course_closer_than_the_noise(num_vertices, noise):
     mesh = make_scanned_surface(Course(pit=0.40).profile(), num_vertices=num_vertices, noise=noise)

@@ -23,6 +23,7 @@ def stairs():
     return mesh
 
 
+@pytest.mark.slow
 def test_every_tread_of_overlapping_boxes_keeps_its_height(stairs):
     ground = Elevation(*make_arena(stairs, cache=False).pieces)
     x, y = (part.ravel() for part in np.meshgrid(np.linspace(0.01, 0.27, 20), np.linspace(-0.59, 0.59, 60)))

@@ -51,6 +51,7 @@ def is_whole(swarm: BehavingSwarm) -> bool:
     return swarm.machine.is_complete(swarm.memory)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pose", [(0.65, 0.1, -0.3), (0.6, -0.1, 1.5)])
 def test_an_accepted_robot_docks_behind_the_seed_and_both_part_when_told(pose) -> None:
     swarm = run(make_swarm([SEED, pose], begin(1, Mode.LOCATE_BEACON)), 90.0, is_whole)

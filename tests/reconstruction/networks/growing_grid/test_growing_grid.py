@@ -75,6 +75,7 @@ def test_the_unit_of_length_does_not_matter(step, scale):
     assert far.truth_to_mesh.mean == pytest.approx(scale * near.truth_to_mesh.mean, rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("triangles", [210, 800])
 def test_the_wanted_triangles_come_out(step, triangles):
     state = train(draw(step, 6000), GrowingGridConfig(triangles=triangles))

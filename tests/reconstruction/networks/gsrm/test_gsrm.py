@@ -59,6 +59,7 @@ def test_closed_surfaces(mesh: trimesh.Trimesh, euler_number: int) -> None:
     assert (topology.euler_number, topology.boundary_loops, topology.components) == (euler_number, 0, 1)
 
 
+@pytest.mark.slow
 def test_several_components() -> None:
     far = TORUS.copy()
     far.apply_translation([3.0, 0.0, 0.0])

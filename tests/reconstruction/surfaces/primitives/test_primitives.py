@@ -68,6 +68,7 @@ def test_boxes_need_sides_at_right_angles_that_are_there() -> None:
     assert not pick(find_primitives(unseen), "box")  # nobody has seen their back
 
 
+@pytest.mark.slow
 def test_half_a_ball_is_no_sphere_and_rough_ground_nothing() -> None:
     ball = make_noisy(trimesh.creation.icosphere(3, 0.3))
     assert [one.kind for one in find_primitives(ball).shapes] == ["sphere"]
@@ -94,6 +95,7 @@ def test_a_rectangle_covers_no_more_than_the_surface_did() -> None:
     assert covered + measure_rest(found, mesh) * mesh.area == pytest.approx(mesh.area, rel=0.05)
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_primitives() -> None:
     mesh = make_noisy(make_box((0.5, 0.4, 0.3), (0.0, 0.0, 0.0)), edge=0.1)
     one, other = find_primitives(mesh, seed=3), find_primitives(mesh, seed=3)

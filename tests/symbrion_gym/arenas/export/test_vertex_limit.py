@@ -33,6 +33,7 @@ def test_corners_that_hardly_stick_out_are_dropped():
     assert parts[0].volume == pytest.approx(solid.volume, rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [8, 16, 64])
 @pytest.mark.parametrize(
     "solid",
