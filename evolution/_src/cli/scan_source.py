@@ -160,9 +160,7 @@ class ScanCommand(FrameCommand):
 def check_box(box: Box) -> None:
     """Refuse a box without inside."""
     if not np.all(np.diff(np.reshape(box, (3, 2))) > 0):
-        raise UsageError(
-            f"--crop {' '.join(map(str, box))} is empty; give XMIN XMAX YMIN YMAX ZMIN ZMAX, or auto"
-        )
+        raise UsageError(f"--crop {' '.join(map(str, box))} is empty; give XMIN XMAX YMIN YMAX ZMIN ZMAX")
 
 
 def crop_cloud(cloud: rc.Cloud, box: Float[np.ndarray, "2 3"] | None, path: Path) -> rc.Cloud:

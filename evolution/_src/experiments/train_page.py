@@ -16,7 +16,8 @@ from evolution._src.report.figures import draw_learning_curve, draw_tracks, to_p
 from evolution._src.report.page import Page
 from evolution._src.report.scene import Scene
 from evolution._src.report.video import encode_video
-from reconstruction._src.base.range_checks import format_count, format_distance
+from reconstruction._src.base.range_checks import format_count, format_distance, format_share
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.traversability.routes import DrivingRoute
 
 _GROUND, _UNSEEN = "#cfd3da", "#e7a08f"  # Colors of the surface, and of what both halves do not confirm
@@ -120,13 +121,18 @@ def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
 
 
 def _compare_models(result: Training, positions: np.ndarray) -> str:
-    """Return how far the models differ where the robot drove."""
+    """Return how far the models differ where the robot drove: the ground up to as high as the robot above it."""
     assert result.other is not None
-    places = positions.reshape(-1, 3).T
-    gaps = np.abs(result.arena.elevation.height_below(*places) - result.other.elevation.height_below(*places))
-    gaps = gaps[np.isfinite(gaps)]
-    if not len(gaps):
+    x, y, z = positions.reshape(-1, 3).T
+    limit = z + ScoutConfig.size[2]
+    gaps = np.abs(
+        result.arena.elevation.height_below(x, y, limit) - result.other.elevation.height_below(x, y, limit)
+    )
+    known = gaps[np.isfinite(gaps)]
+    if not len(known):
         return "Where the champion drove, only one of the models has a surface."
-    middle, most = (format_distance(float(np.percentile(gaps, share))) for share in (50, 95))
+    middle, most = (format_distance(float(np.percentile(known, share))) for share in (50, 95))
+    missing = 1.0 - len(known) / len(gaps)
+    alone = f"; at {format_share(missing)} not both have a surface" if missing else ""
     where = "Where the champion drove, the surfaces of the two halves differ by"
-    return f"{where} {middle} in the median, and by less than {most} at 95 % of the places."
+    return f"{where} {middle} in the median, and by less than {most} at 95 % of the places{alone}."

@@ -1,6 +1,6 @@
 """Arrays of points, vertices and faces, and arithmetic along their short rows.
 
-It goes column by column, many times as fast as NumPy along so short an axis; all results are bit-identical to NumPy's.
+It goes column by column, many times as fast as NumPy along so short an axis; sums are bit-identical to NumPy's.
 """
 
 from __future__ import annotations

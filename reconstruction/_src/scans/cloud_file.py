@@ -267,12 +267,15 @@ def _read_float_rows(file: BoundedFile) -> RawPoints:
     for width in (width for width in (6, 5, 4) if file.size % (4 * width) == 0):  # the strictest first
         rows = np.frombuffer(content, "<f4").reshape(-1, width)
         extras = rows[:, 3:]
-        fits = (np.abs(rows[:, :3]) < _ROW_RANGE).all() and (extras >= 0).all() and np.isfinite(extras).all()
-        if width == 6 and fits and (extras <= 255).all():
-            colors = np.round(extras * (255 if extras.max(initial=0) <= 1 else 1)).astype(np.uint8)
+        if not (
+            (np.abs(rows[:, :3]) < _ROW_RANGE).all() and (extras >= 0).all() and np.isfinite(extras).all()
+        ):
+            continue
+        largest, is_whole = extras.max(initial=0), extras == np.round(extras)
+        if width == 6 and (largest <= 1 or (largest <= 255 and is_whole.all())):
+            colors = np.round(extras * (255 if largest <= 1 else 1)).astype(np.uint8)
             return RawPoints(rows[:, :3].astype(np.float64), colors, meters=1.0, up="z")
-        is_ring = width == 5 and fits and bool((extras[:, 1] == np.round(extras[:, 1])).all())
-        if is_ring or (width == 4 and fits):
+        if width == 4 or (width == 5 and is_whole[:, 1].all()):
             return RawPoints(rows[:, :3].astype(np.float64), viewpoints=np.zeros((1, 3)), meters=1.0, up="z")
     raise ScanError(
         f"{file.size} bytes are no rows of float32, below {_ROW_RANGE:.0f} m and with reflectance (KITTI), intensity "

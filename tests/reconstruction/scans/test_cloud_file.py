@@ -346,6 +346,9 @@ def test_rows_of_floats_are_read_by_what_fits_and_other_bytes_refused(tmp_path: 
         np.testing.assert_array_equal(cloud.points, colored[:, :3])
         np.testing.assert_array_equal(cloud.colors, colors)
         assert cloud.viewpoints is None
+    positive = np.abs(rows)  # 240 numbers: rows of four, of five or of six
+    (tmp_path / "3.bin").write_bytes(positive.tobytes())
+    np.testing.assert_array_equal(load_cloud(tmp_path / "3.bin").points, positive[:, :3])
     rows[:3] = 0.0
     (tmp_path / "0.bin").write_bytes(rows.tobytes())
     cloud = load_cloud(tmp_path / "0.bin")

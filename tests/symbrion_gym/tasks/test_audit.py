@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import trimesh
 from recorded import check, drive
 
+from symbrion_gym._src.arenas.making import make_arena
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.robot.body_plans import make_random_organism
 from symbrion_gym._src.robot.organism import letter_h, snake
@@ -100,3 +102,13 @@ def test_modules_of_any_tree_are_placed_as_the_physics_does(organism):
     centers, rotations = place_tree(env.data.qpos[[*range(7), *joints]][None], organism)
     np.testing.assert_allclose(centers[0], env.physics.position[0], atol=1e-12)
     np.testing.assert_allclose(rotations[0].reshape(-1, 9), env.physics.rotation[0], atol=1e-12)
+
+
+def test_below_a_shelf_an_honest_arrival_counts_and_one_that_sinks_does_not():
+    boxes = [((-1, -1, -0.1), (3, 1, 0)), ((1.2, -1, 0.6), (3, 1, 0.7))]
+    arena = make_arena(trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in boxes]))
+    env, info, (time, qpos) = drive("reach", arena=arena, modules=1, start=(0.8, 0.0), goal=(1.5, 0.0))
+    assert info["success"], info
+    assert check(env, Trajectory(time, qpos)).is_success
+    qpos[:, 2] -= np.interp(np.arange(len(qpos)), [len(qpos) // 2, len(qpos) - 1], [0.0, 0.4])
+    assert any("sank" in text for text in check(env, Trajectory(time, qpos)).faults)
