@@ -7,13 +7,15 @@ INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check -c constrai
 
 setup: .venv/.installed
 
-.venv/.installed: pyproject.toml constraints.txt
+.venv/.installed: EXTRAS := dev
+.venv/.demo: EXTRAS := cli,report,scan
+.venv/.installed .venv/.demo: pyproject.toml constraints.txt
 	test -x $(RUN) || $(PYTHON) -m venv .venv
-	$(INSTALL) -e .[dev]
+	$(INSTALL) -e .[$(EXTRAS)]
 	touch $@
 
 # The whole pipeline on a small scale; open demo/report.html.
-demo: setup
+demo: .venv/.demo
 	$(RUN) -m evolution demo --out demo
 
 test: setup

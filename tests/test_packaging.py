@@ -56,6 +56,8 @@ def test_wheel_holds_packages_and_assets_alone(wheel: Path) -> None:
     }
     for arena in ("truth", "simple", "gsrm", "gg"):
         assert f"symbrion_gym/assets/arenas/{arena}/arena.json" in names
+    for package in ("reconstruction", "symbrion_gym", "evolution"):
+        assert f"{package}/py.typed" in names
     assert "evolution/_src/report/page.html.j2" in names
     assert "evolution/_src/experiments/paper.html.j2" in names
 

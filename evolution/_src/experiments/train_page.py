@@ -79,12 +79,13 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     history = run.history
     page.add_section(
         "Evolution",
-        f"CMA-ES from zero: {int(history[-1]['evaluations'])} genotypes in {len(history)} generations.",
+        f"CMA-ES from zero: {int(history[-1]['evaluations'])} genotypes in {format_count(len(history), 'generation')}.",
     )
-    page.add_figure(
-        draw_learning_curve(history["evaluations"], history["best"], history["median"]),
-        "Fitness of the generations.",
-    )
+    if len(history) > 1:
+        page.add_figure(
+            draw_learning_curve(history["evaluations"], history["best"], history["median"]),
+            "Fitness of the generations.",
+        )
     genes = [[name, f"{value:.3f}"] for name, value in zip(champion.names, champion.genotype, strict=True)]
     page.add_table(["gene", "value"], genes, f"The champion; controller: {champion.controller}.")
     folder = shlex.quote(str(result.folder))
