@@ -18,6 +18,11 @@ from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import recenter
 
 _DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")  # Files that may hold a depth image
+_PICTURES = (
+    "PNG",
+    "TIFF",
+    "JPEG",
+)  # Pillow reads others, too, whatever the ending says, and EPS by another program
 _POINT_BYTES = 24
 _AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rows: ahead, left and up in the frame of a camera (x right, y down, z ahead)."""
@@ -135,7 +140,7 @@ def _read_image(path: Path, max_bytes: float, mode: str | None = None) -> Shaped
         require_extras("a picture", "formats")
         from PIL import Image
 
-        with Image.open(path) as image:
+        with Image.open(path, formats=_PICTURES) as image:
             check_size(image.width * image.height * _POINT_BYTES, max_bytes)
             return np.asarray(image.convert(mode) if mode else image)
     except MissingExtraError:

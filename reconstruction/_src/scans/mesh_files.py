@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,6 +150,12 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
         require_extras("a .dae file", "formats")
     if kind in _GLTF:
         _check_accessors(path, kind, max_bytes)
+    with suppress(
+        ImportError
+    ):  # for textures, if at all: an EPS, whatever its ending, would start another program
+        from PIL import EpsImagePlugin
+
+        EpsImagePlugin.gs_binary = False
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # trimesh raises whatever its many readers raise

@@ -39,6 +39,9 @@ _GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # Their values -> m: 
 _WKT_UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\["[^"]*"\s*,\s*([0-9.eE+-]+)')
 
 _POINT_BYTES = 24
+_E57_HEADER, _PAGE, _CHECKSUM = 48, 1024, 4
+"""Bytes of the header of an .e57 file, of each of its pages, and of the checksum at the end of a page."""
+_ENCODING = re.compile(rb"""encoding\s*=\s*["'](?!utf-8["'])""", re.IGNORECASE)
 _AXES = {"cartesian": ("X", "Y", "Z"), "spherical": ("Range", "Azimuth", "Elevation")}
 """Endings of the names of the coordinates in an .e57 file; with InvalidState: 0 where a point can be used."""
 _COLORS = ("colorRed", "colorGreen", "colorBlue")
@@ -175,6 +178,7 @@ def read_e57(path: Path, max_bytes: float) -> RawPoints:
     require_extras("an .e57 file", "formats")
     import pye57
 
+    _refuse_document_type(path)
     file = pye57.E57(str(path))
     try:
         headers = [file.get_header(index) for index in range(file.scan_count)]
@@ -199,6 +203,26 @@ def read_e57(path: Path, max_bytes: float) -> RawPoints:
         meters=1.0,
         num_ignored=num_ignored,
     )
+
+
+def _refuse_document_type(path: Path) -> None:
+    """Refuse a file whose XML is more than that of ASTM E2807: a document type names files and addresses to be read."""
+    with path.open("rb") as file:
+        header = file.read(_E57_HEADER)
+        if len(header) < _E57_HEADER:
+            raise ScanError(f"an .e57 file has a header of {_E57_HEADER} bytes, this one {len(header)}")
+        offset, length, page = struct.unpack("<QQQ", header[24:])
+        if page != _PAGE or offset + length > path.stat().st_size:
+            raise ScanError(f"its header names pages of {page} bytes, and {length} bytes of XML at {offset}")
+        file.seek(offset)
+        first = _PAGE - offset % _PAGE
+        data = file.read(first + (length // (_PAGE - _CHECKSUM) + 1) * _PAGE)
+    begins = [0, *range(first, len(data), _PAGE)]
+    ends = [first, *(begin + _PAGE for begin in begins[1:])]
+    xml = b"".join(data[begin : end - _CHECKSUM] for begin, end in zip(begins, ends, strict=True))[:length]
+    is_utf8 = xml.startswith((b"<", b"\xef\xbb\xbf<")) and b"\0" not in xml
+    if not is_utf8 or _ENCODING.search(xml[: xml.find(b"?>") + 1]) or b"<!DOCTYPE" in xml:
+        raise ScanError("its XML has a document type, or is not UTF-8; export it anew")
 
 
 def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> RawPoints:

@@ -131,3 +131,22 @@ def test_spherical_coordinates_are_those_of_the_standard() -> None:
     polar = np.array([[2.0, np.radians(30.0), np.radians(60.0)], [1.0, 0.0, 0.0], [1.0, np.pi / 2, 0.0]])
     expected = [[np.sqrt(3) / 2, 0.5, np.sqrt(3)], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     np.testing.assert_allclose(to_cartesian(polar.T).T, expected, atol=1e-12)
+
+
+def test_xml_with_a_document_type_is_refused_before_it_is_parsed(tmp_path: Path) -> None:
+    """It would name files and addresses, which the parser reads."""
+    content = write(tmp_path / "a.e57", (columns(), TURN, np.ones(3))).read_bytes()
+    declared = b'<?xml version="1.0" encoding="UTF-8"?>'
+    begin = content.index(declared)
+    end_of_page = (begin // 1024 + 1) * 1024
+    split = content[: end_of_page - 8] + b"<!DO" + content[end_of_page - 4 : end_of_page] + b"CTYPE"
+    for name, data in {
+        "type.e57": content.replace(declared, b'<!DOCTYPE e57Root SYSTEM "/etc/x">'.ljust(len(declared))),
+        "split.e57": split + content[len(split) :],
+        "utf-7.e57": content.replace(b'"UTF-8"', b'"UTF-7"'),
+        "ebcdic.e57": content.replace(declared, declared.decode().encode("cp037")),
+        "short.e57": content[:40],
+    }.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(ScanError, match="document type" if name != "short.e57" else "header of 48 bytes"):
+            load_cloud(tmp_path / name)

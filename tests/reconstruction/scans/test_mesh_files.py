@@ -1,7 +1,9 @@
 """Meshes, written by trimesh: faces, frames, and broken files."""
 
 import json
+import os
 import struct
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +156,26 @@ def test_damaged_files_give_a_mesh_or_the_error(tmp_path: Path, ending: str, dat
 
 
 @pytest.mark.data
+def test_a_texture_starts_no_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pillow goes by the content of a picture, and hands PostScript to Ghostscript."""
+    plugin = pytest.importorskip("PIL.EpsImagePlugin")
+    monkeypatch.setattr(plugin, "gs_binary", None)
+    (tmp_path / "gs").write_text(f"#!/bin/sh\ntouch {tmp_path / 'started'}\n")
+    (tmp_path / "gs").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    (tmp_path / "a.png").write_bytes(
+        b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 64 48\n%%EndComments\nshowpage\n%%EOF\n"
+    )
+    (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd a.png\n")
+    path = tmp_path / "a.obj"
+    path.write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n"
+    )
+    with suppress(ScanError):
+        load_mesh(path)
+    assert not (tmp_path / "started").exists()
+
+
 def test_a_real_mesh(shared_data: Path) -> None:
     assert is_mesh(shared_data / "stanford-bunny.obj")
     assert len(load_mesh(shared_data / "stanford-bunny.obj").faces) == 69_451
