@@ -41,11 +41,7 @@ class ControllerSource:
     def make(self, organism: Organism, num_tracks: int) -> Any:
         """Return the controller for a body."""
         self.allow(())
-        found, module = find_value(self.source, "controller"), self.source.partition(":")[0]
-        home = str(getattr(found, "__module__", None) or type(found).__module__)
-        if not _is_controller(found) and home != module and not home.startswith(f"{module}."):
-            raise RunError(f"controller {self.source} is of {home}, not of {module}: name it there")
-        made = _make(found, organism, num_tracks, self.source, self.arguments)
+        made = _make(find_of_module(self.source), organism, num_tracks, self.source, self.arguments)
         version = getattr(made, "version", None)
         if version != self.version:
             raise RunError(
@@ -59,6 +55,15 @@ class ControllerSource:
         if not self.is_allowed:
             check_allowed(self.source, "controller", modules)
         return replace(self, is_allowed=True)
+
+
+def find_of_module(source: str) -> Any:
+    """Return what a file names as a controller: an object, or what the module itself defines, not what it imports."""
+    found, module = find_value(source, "controller"), source.partition(":")[0]
+    home = str(getattr(found, "__module__", None) or type(found).__module__)
+    if not _is_controller(found) and home != module and not home.startswith(f"{module}."):
+        raise RunError(f"controller {source} is of {home}, not of {module}: name it there")
+    return found
 
 
 def find_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> Controller:

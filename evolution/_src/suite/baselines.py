@@ -1,4 +1,4 @@
-"""The baselines of the suite: no effort, chance, and CMA-ES over the genes of two laws."""
+"""The baselines of the suite: no effort, and chance and CMA-ES over the genes of two laws."""
 
 from __future__ import annotations
 
@@ -96,6 +96,7 @@ METHODS: Mapping[str, tuple[str, Callable[[Practice, np.random.Generator], None]
     "zero": ("oscillators", _run_zero),
     "random": ("oscillators", _run_random),
     "cmaes": ("oscillators", _run_cmaes),
+    "random-path": ("path", _run_random),
     "path": ("path", _run_cmaes),
 }
 """Law and search of the baselines by name: each spends the budget of a practice, which chooses the best genotype."""

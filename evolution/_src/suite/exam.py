@@ -10,12 +10,14 @@ import json
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from threading import Timer
+from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,19 +28,21 @@ from evolution._src.backends.pool import Simulate
 from evolution._src.backends.scoring import Scoring
 from evolution._src.backends.settings import read_organism
 from evolution._src.backends.trials import Job
-from evolution._src.controllers.finding import find_controller
+from evolution._src.controllers.finding import check_genotype, find_controller, find_of_module
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.controllers.protocol import Structure, reset_rows
 from evolution._src.errors import EvolutionError, RunError
 from evolution._src.references import check_allowed
 from evolution._src.suite.submission import Entry, Submission
 from evolution._src.suite.tasks import SuiteTask, find_suite_task, make_true_arena
+from reconstruction._src.base.printable import make_printable
 from reconstruction._src.base.progress import Progress, silent
 from symbrion_gym._src.arenas.arena import Arena
 
 TRIALS = 10  # Trials of an entry, on the scan and in the truth each
 SCORING = Scoring(module=0.0)
 """The fitness of a score: progress [m], 1 for a success rate of 1, less the effort."""
+LONGEST_LINE = 500  # Characters of what is shown of a provenance, or of why something was not tried
 _TOLD = ("name", "version", "sensors", "parameters", "lower", "upper", "initial")
 _PATIENCE = 600.0  # A controller that needs longer for its trials in an arena hangs [s]
 _PRIVILEGED = {"odometry", "goal"}  # Sensors that tell the exact pose
@@ -80,7 +84,7 @@ def hold_exam(
     """Try every entry of submissions; one whose code fails, or is not allowed, leaves its submission without results.
 
     Args:
-        submissions: what is examined; equal names are refused.
+        submissions: what is examined; of equal names the first.
         seed: of conditions and scans; draw it, and publish it with the results.
         allow: modules of controllers that may be imported, each in a process of its own.
         workers: number of threads; they change nothing but the time.
@@ -88,22 +92,22 @@ def hold_exam(
         simulate: in place of the physics, for tests.
     """
     names = [submission.name.casefold() for submission in submissions]
-    if len(set(names)) < len(names):
-        raise RunError(f"submissions need different names, got {', '.join(sorted(names))}")
     backend = make_backend("batch", workers, simulate=simulate)
     results: list[Result] = []
     untried = []
     total, done = sum(len(each.entries) for each in submissions), 0
     try:
-        for submission in submissions:
+        for number, submission in enumerate(submissions):
             own = []
             try:
+                if names.index(names[number]) < number or not submission.entries:
+                    raise RunError("it has no entries, or the name of another submission")
                 for entry in submission.entries:
                     progress(f"{submission.name}: {entry.task}, seed {entry.seed}", done / total)
                     own.append(_examine(submission.name, entry, seed, allow, backend))
                     done += 1
             except EvolutionError as error:
-                untried.append((submission.name, str(error)))
+                untried.append((submission.name, make_printable(error, LONGEST_LINE)))
             else:
                 results += own
     finally:
@@ -131,6 +135,8 @@ def _examine(name: str, entry: Entry, seed: int, allow: Collection[str], backend
     scores = []
     for number, arena in enumerate(arenas):  # in a new process: nothing is learned from one for the other
         with _open_controller(task, entry, allow) as controller:
+            if isinstance(controller, _Outside):
+                check_genotype(entry.task, entry.genotype, controller)
             trials = task.make_trials(arena, entry.body, controller, TRIALS, (seed, number))
             outcome = backend.run([Job(np.asarray(entry.genotype, dtype=float), trials)])[0]
         if outcome.error:
@@ -160,7 +166,7 @@ def _open_controller(task: SuiteTask, entry: Entry, allow: Collection[str]) -> I
     finally:
         os.environ["PYTHONSAFEPATH"] = before
     theirs.close()
-    timer = Timer(_PATIENCE, _kill, (process,))  # which ends every wait for it
+    timer = Timer(_PATIENCE, _kill, (process,))  # which ends a wait for the rest of an answer
     timer.start()
     try:
         yield _Outside(ours)
@@ -183,7 +189,7 @@ class _Outside:
     """A controller in another process: it follows `Controller`. Of what comes back nothing but numbers is read."""
 
     def __init__(self, connection: Connection) -> None:
-        self._connection = connection
+        self._connection, self._until = connection, monotonic() + _PATIENCE
         told = self._receive()
         try:
             name, version, *others = (json.loads(told)[each] for each in _TOLD)
@@ -217,12 +223,11 @@ class _Outside:
     def _receive(self) -> bytes:
         """Return what the process answers."""
         try:
-            return self._connection.recv_bytes(_LONGEST)
+            if self._connection.poll(max(self._until - monotonic(), 0.0)):
+                return self._connection.recv_bytes(_LONGEST)
         except (EOFError, OSError) as error:
-            raise RunError(
-                f"the process of the controller has ended, or took longer than {_PATIENCE:g} s; its error is "
-                "printed above"
-            ) from error
+            raise RunError("the process of the controller has ended; its error is printed above") from error
+        raise RunError(f"the controller took longer than {_PATIENCE:g} s for an arena")
 
 
 def _serve(connection: Connection, source: str, body: str, num_tracks: int) -> None:
@@ -230,7 +235,8 @@ def _serve(connection: Connection, source: str, body: str, num_tracks: int) -> N
     if hasattr(os, "setsid"):
         os.setsid()  # so that what it starts ends with it
     os.dup2(2, 1)  # what it prints is no output of ours
-    controller = find_controller(source, read_organism(body), num_tracks)
+    sys.argv = sys.argv[:1]  # which may hold the seed of the exam
+    controller = find_controller(find_of_module(source), read_organism(body), num_tracks)
     connection.send_bytes(json.dumps({each: getattr(controller, each) for each in _TOLD}).encode())
     state: Any = None
     while True:

@@ -9,14 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
-from evolution._src.suite.exam import TRIALS, Exam, Result
+from evolution._src.suite.exam import LONGEST_LINE, TRIALS, Exam, Result
 from evolution._src.suite.submission import Submission
 from evolution._src.suite.tasks import BUDGET, SEEDS, SUITE, VERSION
 from reconstruction._src.base.printable import make_printable
 
 COLUMNS = ("submission", "place", "seeds", "truth", "scan", "fitness", "spent [s]")
 """Of a task: place, successes with their interval, fitness in the truth, and simulated time spent."""
-_LONGEST_LINE = 500  # Characters of what is shown of a provenance
 _TRIMMED = 0.25  # Share left out at each end by the interquartile mean
 
 
@@ -43,7 +42,7 @@ class Row(NamedTuple):
     task: str  # name of the task
     submission: str  # name of the submission
     place: str  # by successes in the truth: "1", "2=" of ties; "–" without any success, or without all seeds
-    seeds: int  # how many there are
+    seeds: int  # how many there are; equal genes count once
     truth: Estimate  # successes in the truth, of `TRIALS`
     scan: Estimate  # successes on the scan, of `TRIALS`
     fitness: float  # in the truth, mean
@@ -77,7 +76,8 @@ def _sum_up(results: Sequence[Result]) -> Row:
     fitness, seconds = np.mean(
         [(each.truth.fitness, each.entry.seconds) for each in results], axis=0
     ).tolist()
-    return Row(first.entry.task, first.submission, "–", len(results), truth, scan, fitness, seconds)
+    seeds = len({(each.entry.controller, each.entry.genotype) for each in results})
+    return Row(first.entry.task, first.submission, "–", seeds, truth, scan, fitness, seconds)
 
 
 def estimate(values: Sequence[float]) -> Estimate:
@@ -130,6 +130,4 @@ def _describe(submission: Submission) -> str:
     versions = known.pop("versions", None)
     told = {**(versions if isinstance(versions, dict) else {}), **known}
     words = [f"{name} {value}" for name, value in told.items() if name != "method"]
-    return make_printable(
-        f"{submission.name} (suite {submission.version}): {', '.join(words)}", _LONGEST_LINE
-    )
+    return make_printable(f"{submission.name} (suite {submission.version}): {', '.join(words)}", LONGEST_LINE)

@@ -24,7 +24,7 @@ from reconstruction._src.base.typed_json import JsonError, as_type, read_json
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
 FORMAT = "symbrion suite submission 2"
-_NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 ._,+-]{0,60}[A-Za-z0-9+])?")
+_NAME = re.compile(r"(?!.*  )[A-Za-z0-9](?:[A-Za-z0-9 ._,+-]{0,60}[A-Za-z0-9+])?")
 _TOLERANCE = 1.1  # Time that may be spent over the budget, as a generation that has begun is finished
 
 
@@ -55,7 +55,9 @@ class Submission:
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
-            raise RunError(f"a name has 1 to 62 letters, digits, spaces or ._,+-, got {self.name[:100]!r}")
+            raise RunError(
+                f"a name has 1 to 62 letters, digits, single spaces or ._,+-, got {self.name[:100]!r}"
+            )
         if self.version != VERSION:
             raise RunError(
                 f"the submission is of suite {self.version!r}, this is suite {VERSION!r}, whose tasks and budget are "

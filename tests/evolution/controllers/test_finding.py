@@ -14,6 +14,7 @@ from evolution._src.controllers.finding import (
     ControllerSource,
     controller_to_json,
     find_controller,
+    find_of_module,
     refer_to_controller,
 )
 from evolution._src.controllers.protocol import Controller, check_genotypes, find_arrays, reset_rows
@@ -229,3 +230,10 @@ def test_genotypes_that_do_not_fit_are_refused():
             check_genotypes(controller, genotypes)
     with pytest.raises(RunError, match="not finite"):
         check_genotypes(controller, np.array([0.0, np.nan]))
+
+
+def test_a_file_names_what_its_module_defines_alone():
+    """And not what that module imports, NumPy for instance."""
+    assert find_of_module("own_controllers:hold_4") is hold_4
+    with pytest.raises(RunError, match="is of numpy, not of own_controllers"):
+        find_of_module("own_controllers:np.zeros")

@@ -11,9 +11,10 @@ from evolution._src.cli.command import TrustingCommand, UsageError, require_file
 from evolution._src.cli.console import Console
 from evolution._src.errors import RunError
 from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.printable import make_printable
 from reconstruction._src.base.range_checks import format_count
 
-METHODS = Literal["zero", "random", "cmaes", "path"]
+METHODS = Literal["zero", "random", "cmaes", "random-path", "path"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,7 +85,7 @@ class BenchSuite(TrustingCommand):
     def _board(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion bench-suite board`", "report", "scan")
         from evolution._src.suite import leaderboard
-        from evolution._src.suite.exam import hold_exam
+        from evolution._src.suite.exam import LONGEST_LINE, hold_exam
         from evolution._src.suite.submission import load_submission
 
         assert self.out is not None
@@ -93,7 +94,7 @@ class BenchSuite(TrustingCommand):
             try:
                 submissions.append(load_submission(file))
             except RunError as error:
-                unread.append((file.name, str(error)))
+                unread.append((file.name, make_printable(error, LONGEST_LINE)))
         seed = secrets.randbelow(2**32) if self.exam_seed is None else self.exam_seed
         with console.track(f"Exam, seed {seed}") as step:
             exam = hold_exam(submissions, seed, self.allow_code, self.workers, step.progress)
