@@ -3,9 +3,10 @@
     python -m benchmarks.tasks [--ids Reach Climb-v0] [--starts 200] [--seeds 3] [--out tasks.json]
 
 The family of simple actions: all zero; every action alone at +1 and -1; all at +1 and -1; tracks forward and back with
-straight hinges; arcs to both sides; actions drawn anew at every step; a follower of the way by the true pose, hinges
-straight. Each is tried from a few starts, and from all of them where it succeeds in any of these. The reference is
-CMA-ES from zero, by `evolution.evolve`, whose champion is tried from fresh starts; of `Reach-easy-v0` the follower.
+straight hinges; arcs to both sides; actions drawn anew at every step; with the tracks forward, targets of the hinges
+that are drawn and held, and a wave along them; a follower of the way by the true pose, hinges straight. Each is tried
+from a few starts, and from all of them where it succeeds in any of these. The reference is CMA-ES from zero, by
+`evolution.evolve`, whose champion is tried from fresh starts; of `Reach-easy-v0` the follower.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ _FRESH, _FIRST_FRESH = (
     60,
     10_000,
 )  # Starts of a reference, and seed of the first: no simple action has met them
+_NOISE, _HELD = (0.3, 1.0), 25  # Largest random targets of the hinges, and for how many ticks they are held
 GENERATIONS = 40  # Longest search
 FOLLOWER = "follower"
-LAWS = {"SnakePit": "path", "CrossGap": "path", "Climb": "oscillators", "Traverse": "path"}
+LAWS = {"SnakePit": "path", "CrossGap": "path", "Climb": "path", "Traverse": "path"}
 """Law of the reference, by the family of ids; without one it is the follower."""
 Policy = Callable[[np.ndarray], np.ndarray]  # from observations to the actions of all simulations
 Begin = Callable[[int], Policy]  # from a seed to a policy at the start of its episodes
@@ -72,12 +74,47 @@ def list_policies(envs: Any) -> Iterator[tuple[str, Begin]]:
         actions = np.tile(action, (shape[0], 1)).astype(np.float32)
         yield name, lambda seed, actions=actions: lambda observation: actions
     yield "random", lambda seed: partial(_draw, np.random.default_rng(seed), shape)
+    if hinges:
+        for largest in _NOISE:
+            yield (
+                f"noise ±{largest:g}",
+                lambda seed, largest=largest: _drive(shape, _hold(largest, hinges, seed)),
+            )
+        yield "wave", lambda seed: _drive(shape, partial(_wave, envs.world.config.dt, np.arange(hinges)))
     if envs.world.config.track_control == "skid":
         yield FOLLOWER, lambda seed: partial(_follow, envs)
 
 
 def _draw(rng: np.random.Generator, shape: tuple[int, ...], observation: np.ndarray) -> np.ndarray:
     return rng.uniform(-1.0, 1.0, shape).astype(np.float32)
+
+
+def _drive(shape: tuple[int, ...], aim: Callable[[int], np.ndarray]) -> Policy:
+    """Return the policy with the tracks forward and the targets of the hinges of every tick."""
+    ticks = itertools.count()
+
+    def act(observation: np.ndarray) -> np.ndarray:
+        actions, targets = np.ones(shape, np.float32), aim(next(ticks))
+        actions[:, : targets.shape[-1]] = targets
+        return actions
+
+    return act
+
+
+def _hold(largest: float, hinges: int, seed: int) -> Callable[[int], np.ndarray]:
+    """Return random targets, other ones in each simulation, held for a while."""
+    rng, targets = np.random.default_rng(seed), np.zeros((_BATCH, hinges))
+
+    def aim(tick: int) -> np.ndarray:
+        if tick % _HELD == 0:
+            targets[:] = rng.uniform(-largest, largest, targets.shape)
+        return targets
+
+    return aim
+
+
+def _wave(dt: float, hinges: np.ndarray, tick: int) -> np.ndarray:
+    return 0.15 * np.sin(np.pi * dt * tick - 1.6 * hinges)
 
 
 def _follow(envs: Any, observation: np.ndarray) -> np.ndarray:
