@@ -176,6 +176,12 @@ def _make_cloud(
     finite = np.isfinite(raw.points).all(axis=1)
     missed = _find_missed(raw) & finite
     is_kept = finite & ~missed
+    num_kept = int(is_kept.sum())
+    if num_kept < _MIN_POINTS:
+        raise ScanError(
+            f"{path}: {num_kept} of {len(raw.points)} points are finite and stand elsewhere than the sensor; "
+            f"{_MIN_POINTS} are needed"
+        )
     chosen = slice(None) if is_kept.all() else is_kept
     try:
         cloud = Cloud(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
+import zipfile
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,6 +57,7 @@ _FARTHEST = 1e15  # Coordinates beyond this are no place in any unit
 _GLB_MAGIC, _GLB_HEADER = b"glTF", 20
 """A .glb begins with magic, version, length, and the length and kind of the JSON chunk: five numbers of 4 bytes."""
 _VALUE_BYTES = 64  # Most bytes of an element of a glTF accessor: a matrix of 16 floats
+_PART_VALUES = 100  # What trimesh keeps of a part besides, in such values
 _COLLADA_HEAD = 1 << 16  # Bytes at the beginning of a .dae that hold its unit and axes
 _COLLADA_UP = re.compile(rb"<up_axis>\s*([XYZ])_UP")
 _COLLADA_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([0-9.eE+-]+)")
@@ -146,6 +149,8 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
     if kind not in MESH_ENDINGS:
         remedy = CONVERTERS.get(kind, f"there are: {' '.join(MESH_ENDINGS)}")
         raise ScanError(f"{kind or 'a file without ending'} is no mesh; {remedy}")
+    if kind == ".dae" and zipfile.is_zipfile(path):  # pycollada would unpack all of it
+        raise ScanError("is a zip archive; unpack it, and give the .dae in it")
     if kind == ".dae":
         require_extras("a .dae file", "formats")
     if kind in _GLTF:
@@ -174,7 +179,9 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
 
 
 def _check_accessors(path: Path, kind: str, max_bytes: float) -> None:
-    """Refuse a glTF file that promises more values than the limit allows: without data they are zeros."""
+    """Refuse a glTF file that promises more values than the limit allows: without data they are zeros, and every node
+    has a copy of its mesh.
+    """
     data = path.read_bytes()
     try:
         if kind == ".glb":
@@ -182,11 +189,38 @@ def _check_accessors(path: Path, kind: str, max_bytes: float) -> None:
                 raise ValueError("it does not begin with 'glTF'")
             length = int.from_bytes(data[12:16], "little")
             data = data[_GLB_HEADER : _GLB_HEADER + length]
-        counts = [accessor["count"] for accessor in json.loads(data).get("accessors", ())]
-        total = sum(int(count) for count in counts)
-    except (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError) as error:
+        content = json.loads(data)
+        counts = [max(0, int(accessor["count"])) for accessor in content.get("accessors", ())]
+        total = max(sum(counts), _count_copies(content, counts))
+    except (
+        AttributeError,
+        IndexError,
+        KeyError,
+        OverflowError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ) as error:
         raise ScanError(f"no readable {kind} file: {error}") from error
     check_size(total * _VALUE_BYTES, max_bytes)
+
+
+def _count_copies(content: dict[str, Any], counts: list[int]) -> int:
+    """Return how many values the meshes of a glTF file have, each as often as nodes that use it are referred to.
+
+    trimesh follows each reference once: neither cycles nor children of several parents grow beyond it.
+    """
+    nodes, meshes = content.get("nodes", []), content.get("meshes", [])
+    scenes = content.get("scenes", [])
+    roots = scenes[content.get("scene", 0)].get("nodes", []) if scenes else []
+    children = (child for node in nodes for child in node.get("children", []))
+    used = Counter(nodes[index].get("mesh") for index in (*roots, *children))
+    total = 0
+    for number, mesh in enumerate(meshes):
+        parts = [[*part["attributes"].values(), part.get("indices")] for part in mesh["primitives"]]
+        size = sum(counts[index] for part in parts for index in part if index is not None)
+        total += (size + _PART_VALUES * len(parts)) * max(1, used[number])
+    return total
 
 
 def _find_frame(path: Path, kind: str) -> tuple[float | None, str | None]:

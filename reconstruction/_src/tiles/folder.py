@@ -17,7 +17,7 @@ from reconstruction._src.base.atomic_write import find_leftovers, write_atomical
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.typed_json import JsonError, read_json
-from reconstruction._src.tiles.point_stream import Place
+from reconstruction._src.tiles.point_stream import MOST_PLACE, Place
 from reconstruction._src.tiles.seams import Surface
 
 INDEX = "tiles.json"
@@ -46,9 +46,11 @@ class TiledSurface:
                 raise ValueError("the reconstruction did not end; start it again")
             entries = [entry["place"] for entry in index["tiles"]]
             places = tuple((int(column), int(row)) for column, row in entries)
+            if any(not -MOST_PLACE <= number < MOST_PLACE for place in places for number in place):
+                raise ValueError(f"a place is beyond {MOST_PLACE} tiles")
             x, y, z = (float(value) for value in index["offset"])
             return cls(folder, float(index["tile"]), (x, y, z), places)
-        except (JsonError, KeyError, TypeError, ValueError) as error:
+        except (JsonError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise ReconstructionError(f"{folder / INDEX}: no index of tiles ({error})") from error
 
     @property

@@ -26,7 +26,7 @@ from reconstruction._src.scans.survey_files import find_las_units, iterate_las, 
 CHUNK = 1_000_000  # Points at a time: 24 MB, and a few times that while they are sorted into tiles
 _SAMPLE = 100_000  # Points that say where the middle of a cloud is
 _MAX_BYTE, _MAX_SHORT = 255, 65535
-_MOST_PLACE = 2**20  # Columns and rows; beyond are stray points
+MOST_PLACE = 2**20  # Columns and rows; beyond are stray points
 
 Place = tuple[int, int]
 """Column and row of a tile: it reaches from (column, row) times its edge to one more [m]."""
@@ -155,7 +155,7 @@ def fill_buckets(
     counts: Counter[Place] = Counter()
     for number, points in enumerate(stream.chunks()):
         points[:, :3] -= stream.offset
-        points = points[(np.abs(points[:, :2]) < _MOST_PLACE * config.tile).all(axis=1)]
+        points = points[(np.abs(points[:, :2]) < MOST_PLACE * config.tile).all(axis=1)]
         own = np.floor(points[:, :2] / config.tile).astype(np.int64)
         depth = points[:, :2] - own * config.tile
         is_near = {

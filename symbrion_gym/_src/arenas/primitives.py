@@ -92,7 +92,8 @@ def compute_beam_cost(surface: trimesh.Trimesh, primitives: Primitives) -> float
         3: a box within another is met with the ratio of their areas.
     """
     spec = mujoco.MjSpec()
-    add_mixed_surface(spec, surface, primitives, {})
+    only_seen = {"contype": 0, "conaffinity": 0}  # What is touched needs a hull, which a flat surface has not
+    add_mixed_surface(spec, surface, primitives, only_seen)
     model = spec.compile()
     halves = np.concatenate([model.bvh_aabb.reshape(-1, 6)[:, 3:], np.asarray(surface.extents)[None] / 2])
     area = (halves * np.roll(halves, -1, axis=1)).sum(axis=1)

@@ -72,6 +72,8 @@ RANDOM_LIMITS = {
 RANDOM_OPTIONS = tuple(RANDOM_LIMITS)
 MAX_MODULES = 50  # More than any organism in use; the time of a step grows faster than their number
 MAX_TIMESTEP = 0.02  # Contacts are not resolved by longer physics steps [s]
+MIN_TIMESTEP = 1e-4  # Shorter physics steps tell nothing more [s]
+MAX_STEPS = 10_000_000  # Most physics steps of an episode: 14 hours of the usual 5 ms
 MAX_TICK = 1.0  # Longest control tick [s]
 _INTERNAL = "default_"  # Options of this prefix are for registered ids; messages do not list them
 _NOT_NEGATIVE = (
@@ -135,6 +137,10 @@ class EnvironmentConfig:
             check_organism_options({"modules": self.modules, "organism": self.organism})
         if self.timestep > MAX_TIMESTEP:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
+        if self.timestep < MIN_TIMESTEP:
+            raise OptionError(f"timestep must be at least {MIN_TIMESTEP} s, got {self.timestep}")
+        if self.duration is not None:
+            self._check_duration(self.duration)
         if self.timestep * self.frame_skip > MAX_TICK:
             raise OptionError(
                 f"timestep x frame_skip is {self.timestep * self.frame_skip:g} s; at most {MAX_TICK:g} s are possible"
@@ -213,7 +219,17 @@ class EnvironmentConfig:
 
         given = {name: value for name in TASK_OPTIONS if (value := getattr(self, name)) is not None}
         defaults = {} if self.task is not None else self.default_parameters
-        return choose_task(self.task or self.default_task, {**defaults, **given, **self.task_parameters})
+        task = choose_task(self.task or self.default_task, {**defaults, **given, **self.task_parameters})
+        self._check_duration(task.duration)
+        return task
+
+    def _check_duration(self, duration: float) -> None:
+        """Refuse an episode that would never end."""
+        if duration > MAX_STEPS * self.timestep:
+            raise OptionError(
+                f"duration must be at most {MAX_STEPS * self.timestep:g} s at a timestep of {self.timestep} s, "
+                f"got {duration}"
+            )
 
     @property
     def dt(self) -> float:

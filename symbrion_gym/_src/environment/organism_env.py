@@ -112,7 +112,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     | `sensors`             | see above | parts of the observation                                        |
     | `noise`               | 0.0       | 1: sensor noise as estimated for the real robot                 |
     | `track_control`       | "constant"| "body", "modules", "skid": track speeds are part of the action  |
-    | `timestep`            | 0.005     | physics step [s]                                                |
+    | `timestep`            | 0.005     | physics step, 0.0001 to 0.02 [s]                                |
     | `frame_skip`          | 4         | physics steps per tick                                          |
     | `timers`              | False     | `info` contains `physics_us`, `collision_us`, `raycast_us`      |
     | `randomize`           | {}        | reset options that apply to every episode                       |
@@ -125,7 +125,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     | `start`               | None      | "floor": before the ramp; "pit": 0.2 m before the pit; or (x, y) [m] |
     | `goal`                | None      | (x, y) to be reached [m]; None: far side of course or pit       |
     | `bottomless`          | None      | True: touching the floor of the pit ends the episode            |
-    | `duration`            | None      | longest episode [s]                                             |
+    | `duration`            | None      | longest episode, at most 10 million physics steps [s]           |
     | `stuck_time`          | None      | an episode without progress for this long is truncated [s]      |
     | `stuck_progress`      | None      | smallest progress that counts, for `stuck` [m]                  |
     | `forward_weight`      | None      | reward per meter of progress                                    |

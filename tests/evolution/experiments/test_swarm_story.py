@@ -1,5 +1,6 @@
 """The story of a swarm, and docking trials: what counts as a success, refusals, equal seeds, resuming."""
 
+import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -77,3 +78,23 @@ def test_an_interrupted_run_goes_on_to_equal_results(tmp_path: Path, monkeypatch
         assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "straight" / name).read_bytes()
     for one, other in zip(again, track, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_files_that_are_no_results_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "find_champion", lambda config, progress: None)
+    monkeypatch.setattr(run, "BASELINE_TIME", 0.5)
+    config = SwarmRunConfig(tmp_path, StoryConfig(arena="truth", num_robots=2, gather_time=0.5))
+
+    def tell() -> tuple:
+        return run.run_swarm(config, lambda title: nullcontext(SimpleNamespace(progress=lambda *told: None)))
+
+    track, rows = tell()
+    for name in track._fields:
+        broken = track._replace(**{name: np.zeros(1)})
+        np.savez(tmp_path / "track.npz", **broken._asdict())
+        with pytest.raises(RunError, match=r"track\.npz is no track of a swarm"):
+            tell()
+    for content in ("[{}, {}]", "{}7", json.dumps([rows[0] | {"crossed": "late"}])):
+        (tmp_path / "results.json").write_text(content)
+        with pytest.raises(RunError, match=r"results\.json .*remove it"):
+            tell()

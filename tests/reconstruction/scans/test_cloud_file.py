@@ -217,6 +217,11 @@ def test_rows_that_are_not_finite_take_their_colors_with_them(tmp_path: Path, ca
     assert "dropped 1 rows" in caplog.text
 
 
+def test_beams_without_return_are_no_points(tmp_path: Path) -> None:
+    with pytest.raises(ScanError, match=r"z\.xyz: 0 of 4 points .* 3 are needed"):
+        load_cloud(write(tmp_path, "z.xyz", "0 0 0\n" * 4))
+
+
 def test_a_size_of_no_scene_is_warned_about(tmp_path: Path, caplog) -> None:
     path = write(tmp_path, "a.xyz", join_rows(POINTS * 1000, COLORS))
     with caplog.at_level(logging.WARNING):

@@ -123,6 +123,14 @@ def test_a_reconstruction_that_did_not_end_is_no_surface(tmp_path):
         TiledSurface.load(tmp_path)
 
 
+@pytest.mark.parametrize("change", [{"tiles": [{"place": [10**20, 0]}]}, {"tile": 10**400}])
+def test_an_index_beyond_all_places_is_refused(tmp_path, change):
+    index = {"format": 1, "complete": True, "tiles": [], "offset": [0, 0, 0], "tile": 1.0}
+    (tmp_path / INDEX).write_text(json.dumps(index | change))
+    with pytest.raises(ReconstructionError, match="no index of tiles"):
+        TiledSurface.load(tmp_path)
+
+
 @pytest.mark.parametrize("name", ["tile_0_0.npz", INDEX])
 def test_damaged_files_are_named(tiles, tmp_path, name):
     import shutil

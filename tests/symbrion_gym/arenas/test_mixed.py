@@ -29,6 +29,11 @@ def arena() -> sg.Arena:
     return sg.make_arena(mesh, kind="mixed", cache=False, name="ball")
 
 
+def test_the_cost_of_a_flat_surface_is_known() -> None:
+    flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    assert compute_beam_cost(flat, Primitives([], 0.004)) > 0
+
+
 def cast(arena: sg.Arena, group: int, origins: np.ndarray) -> np.ndarray:
     """Return how far down each ray falls on the geoms of a group [m]."""
     model = arena.spec().compile()

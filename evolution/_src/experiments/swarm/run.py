@@ -12,15 +12,16 @@ import symbrion_gym as sg
 from evolution._src.errors import RunError
 from evolution._src.experiments.folders import Track as Steps
 from evolution._src.experiments.folders import claim_folder, evolve_or_resume, write_json
-from evolution._src.experiments.swarm.story import StoryConfig, tell_story
+from evolution._src.experiments.swarm.story import Figures, StoryConfig, tell_story
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.run import load_champion
 from evolution._src.search.validation import Champion
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.progress import Progress
-from reconstruction._src.base.typed_json import JsonError, read_json
+from reconstruction._src.base.typed_json import JsonError, as_type, read_json
 from symbrion_gym._src.swarm.behavior.machine import Track
+from symbrion_gym._src.swarm.behavior.memory import Mode
 
 MARKER = "swarm.json"  # The file that the command writes first; it holds what the other files were made with
 RESULTS = "results.json"
@@ -48,8 +49,12 @@ def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[st
     claim_folder(config.folder, MARKER, about, OUTPUTS)
     arena, path = sg.load_arena(config.story.arena), config.folder / "track.npz"
     results = _read(config.folder / RESULTS) or []
-    if not isinstance(results, list):
-        raise RunError(f"{config.folder / RESULTS} holds no stories; remove it to tell them again")
+    try:
+        as_type(results, list[Figures])
+    except JsonError as error:
+        raise RunError(
+            f"{config.folder / RESULTS} holds no stories ({error}); remove it to tell them again"
+        ) from error
     with steps("1/3 champion") as step:
         champion = find_champion(config, step.progress)
     baseline = replace(config.story, docks=False, gather_time=BASELINE_TIME)
@@ -64,9 +69,21 @@ def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[st
             results = [*results[:index], figures]
             write_json(config.folder / RESULTS, results)
     arrays = read_npz(path)
-    if set(arrays) != set(Track._fields):
+    if set(arrays) != set(Track._fields) or not _is_track(Track(**arrays), config.story.num_robots):
         raise RunError(f"{path} is no track of a swarm; remove it to tell the story again")
     return Track(**arrays), results
+
+
+def _is_track(track: Track, num_robots: int) -> bool:
+    """Return whether arrays of a file have the shapes and values of a track."""
+    shape = (track.time.size, num_robots)
+    wanted = Track(shape[:1], (*shape, 3), (*shape, 3, 3), shape, shape)  # pyright: ignore[reportArgumentType]
+    return (
+        track.time.size > 0
+        and all(array.shape == each for array, each in zip(track, wanted, strict=True))
+        and all(array.dtype.kind in "fiu" and np.isfinite(array).all() for array in track)
+        and bool(np.isin(track.mode, list(Mode)).all())
+    )
 
 
 def find_champion(config: SwarmRunConfig, progress: Progress) -> Champion:

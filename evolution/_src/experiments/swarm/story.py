@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
@@ -49,6 +49,19 @@ class StoryConfig:
         if self.seed < 0:
             raise RunError(f"seed is {self.seed}; give 0 or more")
         check_positive(self, ("gather_time",), RunError)
+
+
+class Figures(TypedDict):
+    """What `tell_story` returns of a story, as read from a file."""
+
+    seed: int
+    docks: bool
+    success: bool
+    reason: str
+    gathered: float | None  # [s]
+    crossed: float | None  # [s]
+    recoveries: int
+    across: int
 
 
 def tell_story(
