@@ -77,9 +77,9 @@ def measure_champions() -> Figures:
     return {"rows": rows, "hold_in_truth": hold, "said": f"{hold} of 5: {said}; {cost:.0f} s"}
 
 
-@row(GROUP, "The other half as a forecast of the truth: champions after 1, 2, 3, 4 and 6 generations with four seeds in a "
-     "model of half a survey of the course, 20 trials each; rank correlation (Spearman) of successes with those in the "
-     "truth, of the half of training and of the other; mean difference to the truth (of 20)",
+@row(GROUP, "Twenty champions as they were after 1, 2, 3, 4 and 6 generations (four seeds) in a model of half a survey of "
+     "the course, 20 trials each: rank correlation (Spearman) of the successes in the model of training, and in that of the "
+     "other half, with those in the truth; mean difference from the truth",
      "the other half is the better forecast")  # fmt: skip
 def measure_transfer() -> Figures:
     """Measure how well successes in the other half foretell those in the truth."""
@@ -109,5 +109,8 @@ def measure_transfer() -> Figures:
             "rank_correlation": float(stats.spearmanr(half, true).statistic),
             "difference": float(np.mean(np.abs(half - true))),
         }
-    said = (f"{each} {found[each]['rank_correlation']:.2f}, {found[each]['difference']:.1f}" for each in ("training", "other"))
+    said = (
+        f"{name} {found[each]['rank_correlation']:.2f}, {found[each]['difference']:.1f} of 20"
+        for each, name in (("training", "training"), ("other", "other half"))
+    )
     return found | {"said": "; ".join(said)}

@@ -3,11 +3,8 @@
 import json
 import os
 import struct
-<<<<<<< HEAD
-from contextlib import suppress
-=======
 import zipfile
->>>>>>> 78934f5b (Files that ask for too much are refused in a line: copies of a mesh, zips called .dae, far tiles, endless episodes; flat surfaces can be mixed)
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
