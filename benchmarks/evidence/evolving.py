@@ -77,9 +77,9 @@ def measure_champions() -> Figures:
     return {"rows": rows, "hold_in_truth": hold, "said": f"{hold} of 5: {said}; {cost:.0f} s"}
 
 
-@row(GROUP, "Twenty champions as they were after 1, 2, 3, 4 and 6 generations (four seeds) in a model of half a survey of "
-     "the course, 20 trials each: rank correlation (Spearman) of the successes in the model of training, and in that of the "
-     "other half, with those in the truth; mean difference from the truth",
+@row(GROUP, "Twenty champions as they were after 1, 2, 3, 4 and 6 generations (four seeds) in a model of half a survey "
+     "of the course, 20 trials each: rank correlation (Spearman) of the successes in the model of training, and in "
+     "that of the other half, with those in the truth; mean difference from the truth",
      "the other half is the better forecast")  # fmt: skip
 def measure_transfer() -> Figures:
     """Measure how well successes in the other half foretell those in the truth."""
