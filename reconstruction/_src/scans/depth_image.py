@@ -18,11 +18,8 @@ from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import recenter
 
 _DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")  # Files that may hold a depth image
-_PICTURES = (
-    "PNG",
-    "TIFF",
-    "JPEG",
-)  # Pillow reads others, too, whatever the ending says, and EPS by another program
+_PICTURES = ("PNG", "TIFF", "JPEG")
+"""Of the kinds that Pillow reads, whatever the ending says: it hands EPS to another program."""
 _POINT_BYTES = 24
 _AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rows: ahead, left and up in the frame of a camera (x right, y down, z ahead)."""

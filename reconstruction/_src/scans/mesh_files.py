@@ -155,9 +155,8 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
         require_extras("a .dae file", "formats")
     if kind in _GLTF:
         _check_accessors(path, kind, max_bytes)
-    with suppress(
-        ImportError
-    ):  # for textures, if at all: an EPS, whatever its ending, would start another program
+    # A texture may be an EPS, whatever its ending, for which Pillow would start another program
+    with suppress(ImportError):
         from PIL import EpsImagePlugin
 
         EpsImagePlugin.gs_binary = False

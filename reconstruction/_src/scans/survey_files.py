@@ -212,7 +212,8 @@ def _refuse_document_type(path: Path) -> None:
         if len(header) < _E57_HEADER:
             raise ScanError(f"an .e57 file has a header of {_E57_HEADER} bytes, this one {len(header)}")
         offset, length, page = struct.unpack("<QQQ", header[24:])
-        if page != _PAGE or offset + length > path.stat().st_size:
+        is_in_page = page == _PAGE and offset % _PAGE < _PAGE - _CHECKSUM
+        if not is_in_page or offset + length > path.stat().st_size:
             raise ScanError(f"its header names pages of {page} bytes, and {length} bytes of XML at {offset}")
         file.seek(offset)
         first = _PAGE - offset % _PAGE
