@@ -150,5 +150,6 @@ def test_xml_with_a_document_type_is_refused_before_it_is_parsed(tmp_path: Path)
         "between.e57": content[:24] + struct.pack("<Q", end_of_page - 2) + content[32:],
     }.items():
         (tmp_path / name).write_bytes(data)
-        with pytest.raises(ScanError, match=r"document type|header of 48 bytes|header names pages"):
+        reasons = {"short.e57": "header of 48 bytes", "between.e57": "header names pages"}
+        with pytest.raises(ScanError, match=reasons.get(name, "document type")):
             load_cloud(tmp_path / name)
