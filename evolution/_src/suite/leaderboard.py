@@ -107,7 +107,8 @@ def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
             f"{len(SUITE)} tasks, {BUDGET:,.0f} simulated seconds for a task and seed. Every entry was tried again: "
             f"{TRIALS} trials on a scan and in the truth, both drawn with exam seed {exam.seed}. "
             "Shown are successes, the interquartile mean over seeds with its 95 % interval; "
-            f"the place is by those in the truth: 1= is a tie, – has no success, or not all {len(SEEDS)} seeds (equal genes are one)."
+            f"the place is by those in the truth: 1= is a tie, – has no success, or not all {len(SEEDS)} seeds "
+            "(equal genes are one)."
         ),
     )
     page.add_contents()
