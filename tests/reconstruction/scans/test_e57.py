@@ -147,7 +147,7 @@ def test_xml_with_a_document_type_is_refused_before_it_is_parsed(tmp_path: Path)
         "utf-7.e57": content.replace(b'"UTF-8"', b'"UTF-7"'),
         "ebcdic.e57": content.replace(declared, declared.decode().encode("cp037")),
         "short.e57": content[:40],
-        "between.e57": content[:24] + struct.pack("<Q", 1022) + content[32:],
+        "between.e57": content[:24] + struct.pack("<QQ", 1022, 100) + content[40:],
     }.items():
         (tmp_path / name).write_bytes(data)
         reasons = {"short.e57": "header of 48 bytes", "between.e57": "header names pages"}
