@@ -1,8 +1,8 @@
 """Train PPO on a GPU: thousands of environments, policy and updates stay on the device, all in JAX.
 
     pip install "symbrion-gym[gpu]" "jax[cuda12]"
-    python examples/train_ppo_gpu.py --device cuda:0 --envs 4096 --updates 100
-    python examples/train_ppo_gpu.py --backend mujoco --envs 64 --updates 50 --rate 1e-3 --epochs 6  # without a GPU
+    python examples/train_ppo_gpu.py --device cuda:0
+    python examples/train_ppo_gpu.py --backend mujoco --envs 64 --updates 50  # without a GPU
 
 Without a GPU, MuJoCo's C engine steps the simulations several times as fast as Warp on a processor (`--device cpu`).
 After training, the policy is judged on the C engine of MuJoCo, on starts that it has never met, beside zero and random
@@ -41,12 +41,12 @@ class Settings(NamedTuple):
     """Parameters of PPO (Schulman et al. 2017), with generalized advantages (Schulman et al. 2016)."""
 
     horizon: int = 32
-    epochs: int = 4
+    epochs: int = 6
     minibatches: int = 8
     discount: float = 0.995
     smoothing: float = 0.95
     clip: float = 0.2
-    rate: float = 3e-4
+    rate: float = 1e-3
     largest_gradient: float = 0.5
     entropy: float = 1e-3
 
@@ -224,8 +224,8 @@ def take_step(envs: Any, action: Any) -> tuple[Any, ...]:
 def train(
     arena: str = "truth",
     device: str | None = None,
-    num_envs: int = 4096,
-    updates: int = 100,
+    num_envs: int = 1024,
+    updates: int = 40,
     seed: int = 0,
     settings: Settings | None = None,
     on_update: Callable[[Learner, list[dict[str, float]]], None] | None = None,
@@ -324,8 +324,8 @@ if __name__ == "__main__":
     parser.add_argument("--arena", default="truth")
     parser.add_argument("--device", help="cuda:0, cpu and so on (default: a GPU if there is one)")
     parser.add_argument("--backend", choices=("warp", "mujoco"), default="warp", help="engine of the physics")
-    parser.add_argument("--envs", type=int, default=4096)
-    parser.add_argument("--updates", type=int, default=100)
+    parser.add_argument("--envs", type=int, default=1024)
+    parser.add_argument("--updates", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rate", type=float, default=Settings().rate, help="learning rate")
     parser.add_argument("--epochs", type=int, default=Settings().epochs, help="of an update")

@@ -30,7 +30,7 @@ class Size(NamedTuple):
     every: int
 
 
-ON_GPU = Size(4096, 100, 3e-4, 4, 10)
+ON_GPU = Size(1024, 40, 1e-3, 6, 10)
 ON_PROCESSOR = Size(64, 55, 1e-3, 6, 5)
 """Chosen on the C engine, where 64 simulations and 50 updates gave 44 successes of 50 with seed 0."""
 QUICK = Size(4, 2, 1e-3, 2, 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from copy import copy
 from typing import Any, cast
 
 import mujoco
@@ -95,6 +96,8 @@ class WarpBatch:
                     f"backend 'warp' cannot step this model: {error} Leave out backend"
                 ) from error
             self._model.opt.warn_overflow = 0
+            self._blind_model = copy(self._model)  # of the same arrays
+            self._blind_model.nrangefinder = 0
             self._data = mjw.make_data(model, nworld=self.nsim, nconmax=self.max_contacts, njmax=rows)
             self._history = self.warp.clone(self._data.history) if model.nhistory else None
             self._each = self.make_indices(np.arange(self.nsim))
@@ -176,8 +179,8 @@ class WarpBatch:
     def launch(self, nstep: int) -> None:
         """Run physics steps on the device; on a GPU as one recorded graph, so that launches cost little.
 
-        Sensors with an interval are read once, in the first physics step: a clock of single precision that adds up the
-        steps of an episode would miss the intervals.
+        Rays have an interval and are cast once, in the first physics step: they cost more than all else, and a clock of
+        single precision that adds up the steps of an episode would miss the intervals.
         """
         wp = self.warp
         with wp.ScopedDevice(self.warp_device):
@@ -195,8 +198,8 @@ class WarpBatch:
             wp.capture_launch(self._graphs[nstep])
 
     def _step(self, nstep: int) -> None:
-        for _ in range(nstep):
-            self._mjw.step(self._model, self._data)
+        for number in range(nstep):
+            self._mjw.step(self._blind_model if number else self._model, self._data)
 
     def _compile(self) -> None:
         """Compile the kernels by a step from which the simulations return."""

@@ -57,6 +57,18 @@ def test_episodes_begin_as_on_the_c_engine_and_follow_it(warp_envs):
     np.testing.assert_allclose(*qpos, atol=1e-4)
 
 
+def test_rays_are_cast_once_in_a_control_step(warp_envs, monkeypatch):
+    from mujoco_warp._src import ray
+
+    cast, calls = ray.rays, []
+    monkeypatch.setattr(ray, "rays", lambda *given: calls.append(1) or cast(*given))
+    warp_envs.reset(seed=0)
+    for _ in range(3):
+        warp_envs.step(np.zeros(warp_envs.action_space.shape))
+    assert warp_envs.config.frame_skip == 4
+    assert len(calls) == 3
+
+
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_automatic_resets_follow_the_same_rules(mode):
     one, two = (
