@@ -92,7 +92,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     page.add_section("Going on")
     page.add_list([
         f"symbrion view {folder}/arena shows the site and where to drive",
-        "symbrion train SCAN --out NEW --start X Y --goal X Y trains another way",
+        "symbrion train SCAN --out NEW --start X Y --goal X Y trains another way; two clicks on the site write it",
         f"symbrion replay {folder}/run --arena {folder}/{'other' if result.other else 'arena'} --video champion.mp4",
     ])  # fmt: skip
     page.write(result.page)
@@ -110,7 +110,7 @@ def _make_route(positions: np.ndarray, height: float) -> DrivingRoute:
 
 def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
     """Return the site with what nobody saw in another color, and the path of the body."""
-    scene = Scene()
+    scene = Scene(command="symbrion train SCAN --out NEW --start START --goal GOAL")
     scene.add_surface("surface", arena.seen_surface, _GROUND)
     if arena.unseen:
         faces = np.asarray(arena.surface.faces)[list(arena.unseen)]

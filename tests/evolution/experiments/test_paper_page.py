@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from PIL import Image
 from evolution import report
 from evolution._src.cli.main import run
 from evolution._src.report.figures import encode_png
+from symbrion_gym import Course
 
 pytestmark = pytest.mark.nightly
 
@@ -66,6 +68,33 @@ def look(page: Any) -> np.ndarray:
     """Return the pixels of the scene, `[H, W, 3]`."""
     page.wait_for_timeout(700)
     return np.asarray(Image.open(io.BytesIO(page.locator(".scene").screenshot())).convert("RGB")).astype(int)
+
+
+def test_two_clicks_on_a_scene_write_a_command_and_a_turn_none(browser, tmp_path):
+    scene = report.Scene(command="train --start START --goal GOAL")
+    scene.add_surface("surface", Course().surface(), "#aabbcc")
+    page = report.Page("A scene")
+    page.add_scene(scene, "a scene")
+    page.write(tmp_path / "page.html")
+    with visit(browser, tmp_path / "page.html", DESKTOP) as shown:
+        box = shown.locator("#scene-3d").bounding_box()
+
+        def press(x: float, y: float, turn: float = 0.0) -> str:
+            x, y = box["x"] + x * box["width"], box["y"] + y * box["height"]
+            shown.mouse.move(x - 5, y)
+            shown.mouse.move(x, y, steps=4)
+            shown.wait_for_timeout(600)
+            shown.mouse.down()
+            shown.mouse.move(x + turn, y, steps=3)
+            shown.mouse.up()
+            return shown.locator("#clicked").inner_text()
+
+        assert re.fullmatch(r"From -?\d\.\d\d -?\d\.\d\d \[m\]\. .*goal\.", first := press(0.45, 0.55))
+        assert press(0.5, 0.5, turn=40.0) == first
+        places = r"--start (-?\d\.\d\d) -?\d\.\d\d --goal (-?\d\.\d\d) -?\d\.\d\d"
+        found = re.fullmatch(rf"train {places}", press(0.55, 0.45))
+        assert found
+        assert first.startswith(f"From {found[1]}")
 
 
 def count_changed(before: np.ndarray, after: np.ndarray) -> int:
