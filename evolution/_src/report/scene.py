@@ -39,7 +39,9 @@ class Scene:
     """Layers, in the order of their switches."""
 
     layers: list[Layer] = field(default_factory=list)
-    command: str = ""  # what two clicks complete: a command line with START and GOAL in it; empty for no clicks
+    command: str = (
+        ""  # what two clicks complete: a command line with START and GOAL in it; empty for no clicks
+    )
 
     def add_points(
         self, name: str, points: Float[np.ndarray, "N 3"], limit: int = 15_000, is_shown: bool = True
@@ -105,7 +107,8 @@ class Scene:
 
     def _add(self, name: str, traces: list[Trace], is_shown: bool) -> None:
         for trace in traces:
-            trace |= {"visible": is_shown, "hoverinfo": "none" if self.command else "skip", "name": name}
+            is_clicked = bool(self.command) and trace["type"] == "mesh3d"
+            trace |= {"visible": is_shown, "hoverinfo": "none" if is_clicked else "skip", "name": name}
         self.layers.append(Layer(name, traces, is_shown))
 
 

@@ -17,6 +17,7 @@ from PIL import Image
 from evolution import report
 from evolution._src.cli.main import run
 from evolution._src.report.figures import encode_png
+from evolution._src.report.scene import CAMERA
 from symbrion_gym import Course
 
 pytestmark = pytest.mark.nightly
@@ -89,12 +90,16 @@ def test_two_clicks_on_a_scene_write_a_command_and_a_turn_none(browser, tmp_path
             shown.mouse.up()
             return shown.locator("#clicked").inner_text()
 
-        assert re.fullmatch(r"From -?\d\.\d\d -?\d\.\d\d \[m\]\. .*goal\.", first := press(0.45, 0.55))
-        assert press(0.5, 0.5, turn=40.0) == first
-        places = r"--start (-?\d\.\d\d) -?\d\.\d\d --goal (-?\d\.\d\d) -?\d\.\d\d"
-        found = re.fullmatch(rf"train {places}", press(0.55, 0.45))
+        first = press(0.3, 0.5)
+        start = re.fullmatch(r"From (-\d\.\d\d -?\d\.\d\d) \[m\]\. Click on the goal\.", first)
+        assert start, first
+        assert press(0.5, 0.6, turn=40.0) == first
+        shown.evaluate(f"Plotly.relayout('scene-3d', {{'scene.camera': {json.dumps(CAMERA)}}})")
+        found = re.fullmatch(r"train --start (\S+) (\S+) --goal (\S+) (\S+)", press(0.7, 0.5))
         assert found
-        assert first.startswith(f"From {found[1]}")
+        left, right = float(found[1]), float(found[3])  # the course extends 3.3 m to both sides
+        assert -2.2 < left < -0.8 < 0.8 < right < 2.2
+        assert max(abs(float(found[2])), abs(float(found[4]))) < 1.0, "and 1 m to the others"
 
 
 def count_changed(before: np.ndarray, after: np.ndarray) -> int:
