@@ -44,6 +44,6 @@ def make_ready_made(folder: str | Path, seed: int = 0, progress: Progress = sile
 if __name__ == "__main__":
     make_ready_made("assets/arenas")
     for place in COURSES:
-        scan = make_exam_scan(place, None, seed=0)
+        scan = make_exam_scan(place, seed=0)
         scan = replace(scan, quality=replace(scan.quality, seconds=0.0))
         scan.save(Path("assets/suite/arenas") / place)

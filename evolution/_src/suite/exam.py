@@ -116,7 +116,7 @@ def hold_exam(
 
 
 @cache
-def make_exam_scan(place: str, truth: str | None, seed: int) -> Arena:
+def make_exam_scan(place: str, seed: int) -> Arena:
     """Return the arena of a new scan of the place of a task, made as those that ship."""
     from reconstruction._src.reconstruct import reconstruct
     from reconstruction._src.scans.preprocess import preprocess
@@ -124,14 +124,14 @@ def make_exam_scan(place: str, truth: str | None, seed: int) -> Arena:
     from symbrion_gym._src.arenas.making import make_arena
     from symbrion_gym._src.sensing.survey import SPACING, survey
 
-    points = thin(preprocess(survey(truth or make_true_arena(place), seed=seed)), SPACING)
+    points = thin(preprocess(survey(make_true_arena(place), seed=seed)), SPACING)
     return make_arena(reconstruct(points, "gsrm", units=2200, seed=seed).mesh, name=place, seed=seed)
 
 
 def _examine(name: str, entry: Entry, seed: int, allow: Collection[str], backend: Backend) -> Result:
     """Return the result of an entry."""
     task = find_suite_task(entry.task)
-    arenas = make_exam_scan(task.arena, task.truth, seed), task.truth or make_true_arena(task.arena)
+    arenas = make_exam_scan(task.place, seed), make_true_arena(task.place)
     scores = []
     for number, arena in enumerate(arenas):  # in a new process: nothing is learned from one for the other
         with _open_controller(task, entry, allow) as controller:

@@ -30,8 +30,8 @@ class BenchSuite(TrustingCommand):
     """Submissions, for board."""
     method: METHODS = "cmaes"
     """The baseline."""
-    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
-    """Seeds of the baseline; all five are needed for a place on the board."""
+    seeds: tuple[int, ...] = tuple(range(10))
+    """Seeds of the baseline; all ten are needed for a place on the board."""
     tasks: tuple[str, ...] = ()
     """Tasks of run; all unless given."""
     budget: float | None = None
@@ -66,8 +66,8 @@ class BenchSuite(TrustingCommand):
     def _list(self, console: Console) -> dict[str, Any]:
         from evolution._src.suite.tasks import BUDGET, SUITE
 
-        rows = [[task.name, task.arena, str(task.body)] for task in SUITE]
-        console.show_table(f"Tasks, {BUDGET:.0f} s each", ["task", "arena", "body"], rows)
+        rows = [[task.name, task.place, str(task.body)] for task in SUITE]
+        console.show_table(f"Tasks, {BUDGET:.0f} s each", ["task", "place", "body"], rows)
         return {"tasks": [task.name for task in SUITE], "budget": BUDGET}
 
     def _run(self, console: Console) -> dict[str, Any]:
