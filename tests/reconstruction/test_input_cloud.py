@@ -125,6 +125,7 @@ def test_viewpoints_of_new_readings_are_not_those_of_old_ones():
     assert join_clouds(nothing, rays).viewpoints is not None
 
 
+@pytest.mark.slow
 def test_a_surface_seen_by_nobody_known_looks_up_after_readings_from_below():
     ground = make_ground()
     result = reconstruct(ground, units=150)

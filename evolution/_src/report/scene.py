@@ -39,9 +39,7 @@ class Scene:
     """Layers, in the order of their switches."""
 
     layers: list[Layer] = field(default_factory=list)
-    command: str = (
-        ""  # what two clicks complete: a command line with START and GOAL in it; empty for no clicks
-    )
+    command: str = ""  # with START and GOAL in it, which two clicks fill in; empty for no clicks
 
     def add_points(
         self, name: str, points: Float[np.ndarray, "N 3"], limit: int = 15_000, is_shown: bool = True

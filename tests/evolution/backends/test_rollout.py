@@ -76,6 +76,7 @@ def test_the_single_environment_agrees_to_the_bit(law):
     assert outcome.seconds == pytest.approx(seconds)
 
 
+@pytest.mark.slow
 def test_processes_agree_to_the_bit():
     jobs = make_jobs()
     backend = make_backend("processes", 2)

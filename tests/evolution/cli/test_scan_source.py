@@ -44,6 +44,7 @@ def test_the_offset_viewpoints_and_all_readings_are_kept(tmp_path, capsys):
     assert (surface.mesh.face_normals[:, 2] > 0).all()
 
 
+@pytest.mark.slow
 def test_the_offset_is_printed_with_all_digits(tmp_path, capsys):
     path = write(tmp_path / "far.npz", SHEET + np.array([500_000.0, 5_403_706.0, 300.0]))
     assert run(["reconstruct", str(path), "--out", str(tmp_path / "a.npz"), "--units", "60", "--quiet"]) == 0

@@ -174,6 +174,7 @@ def check_kills(tmp_path: Path, moments: np.ndarray) -> int:
     return num_cut
 
 
+@pytest.mark.slow
 def test_a_killed_run_resumes_to_the_same_champion(tmp_path):
     assert check_kills(tmp_path, np.array([0.05, 0.5])) >= 1
 

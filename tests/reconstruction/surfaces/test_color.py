@@ -71,6 +71,7 @@ def test_a_cloud_without_colors_is_refused():
         ColorSource(Cloud(np.eye(3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["gsrm", "gg"])
 def test_both_networks_carry_colors_and_the_surface_stays_the_same(method):
     cloud = make_sheet()
@@ -87,6 +88,7 @@ def test_both_networks_carry_colors_and_the_surface_stays_the_same(method):
     assert np.array_equal(colored.vertex_colors, again.vertex_colors)
 
 
+@pytest.mark.slow
 def test_readings_color_the_surface_where_the_points_have_none(tmp_path):
     cloud = make_sheet()
     made = rc.reconstruct(Cloud(cloud.points[::2]), units=200, readings=cloud)

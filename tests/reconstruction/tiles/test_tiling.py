@@ -186,6 +186,7 @@ def paint(places):
     return np.stack([places[:, 0] / 20, 0.5 + 0 * places[:, 0], 1 - places[:, 1] / 10], axis=1).clip(0, 1)
 
 
+@pytest.mark.slow
 def test_tiles_have_the_colors_of_their_points(tmp_path):
     cloud = make_field()
     tiled = rc.reconstruct_tiles(cloud, tmp_path / "colored", COARSE)

@@ -28,6 +28,7 @@ def test_a_log_keeps_its_slip(tmp_path) -> None:
     assert rc.load_scan_log(tmp_path / "none.npz").slip is None
 
 
+@pytest.mark.slow
 def test_refine_takes_slip_and_leaves_the_surface(tmp_path) -> None:
     surface = make_surface()
     assert surface.friction is None

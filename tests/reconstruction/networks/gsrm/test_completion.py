@@ -53,6 +53,7 @@ def test_what_was_dropped_as_debris_is_covered_and_the_rest_stays_as_it_is():
     np.testing.assert_array_equal(again.units, state.units)
 
 
+@pytest.mark.slow
 def test_an_even_cloud_is_not_completed():
     rng = np.random.default_rng(0)
     samples = np.c_[rng.uniform(0, 2, (5000, 2)), np.zeros(5000)]
