@@ -118,15 +118,17 @@ def get_plotly_script() -> Markup:
 
 
 def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
-    """Return a mesh in the colors of its vertices, which hold the light of a scan, or shaded as in the figures."""
+    """Return a mesh in the colors of its vertices, lit so that its shape is seen, or shaded as in the figures."""
     (i, j, k), own = np.asarray(mesh.faces, dtype=np.int32).T, find_vertex_colors(mesh)
     if own is None:
         shaded = np.round(255 * shade(mesh, np.array(mpl.colors.to_rgb(color)))).astype(np.uint8)
         look = {"facecolor": ["#" + bytes(rgb).hex() for rgb in shaded], "flatshading": True}
+        light = {"ambient": 1.0, "diffuse": 0.0}
     else:
         look = {"vertexcolor": ["#" + bytes(rgb).hex() for rgb in own]}
-    lighting = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0}
-    look |= {"i": i, "j": j, "k": k, "lighting": lighting}
+        light = {"ambient": 0.4, "diffuse": 0.8}
+    look |= {"i": i, "j": j, "k": k, "lightposition": {"x": -1e5, "y": -4e4, "z": 1e5}}
+    look["lighting"] = {**light, "specular": 0.0, "fresnel": 0.0}
     return {"type": "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), **look}
 
 

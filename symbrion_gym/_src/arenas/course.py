@@ -302,7 +302,7 @@ def _extrude_convex(outline: Float[np.ndarray, "P 2"], width: float) -> trimesh.
 _EDGE = 0.3  # Of a cube of the checker [m]
 _SHIFT = np.array([0.15, 0.0, 0.125])
 """Of the cubes: no floor, plateau or wall of the courses lies on a side of one [m]."""
-_CHECKER = np.array([[0.85, 0.45, 0.20], [0.15, 0.35, 0.65]])
+_CHECKER = np.array([[0.84, 0.74, 0.58], [0.55, 0.64, 0.70]])  # Sand and slate
 _WAVES = np.array([[0.9, 0.4, 0.5], [-0.6, 1.1, 0.7], [0.5, -0.8, 1.3]])
 """Wave vectors of red, green and blue in the gradient [rad/m]."""
 _MIDDLE, _SWING = 0.5, 0.35  # Of a channel of the gradient

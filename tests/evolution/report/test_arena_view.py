@@ -48,7 +48,7 @@ def test_layers_have_their_colors(truth: sg.Arena) -> None:
 
 
 def test_colors_of_a_scan_are_grays_below_other_layers() -> None:
-    arena = sg.Arena.from_course(sg.Course(color_pattern="checker"))
+    arena = sg.Arena.from_course(sg.Course(color_pattern="gradient"))
     assert (np.ptp(draw(arena, "surface"), axis=2) > 60).mean() > 0.2
     grays = mute(np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
     np.testing.assert_allclose(grays.max(axis=1), [0.92, 0.57, 0.57 + 0.35 * 0.2126])
