@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import gymnasium as gym
+import imageio.v2 as imageio
 import mujoco
 import numpy as np
 import pytest
@@ -66,6 +68,20 @@ def test_vector_environments_draw_each_simulation():
     assert one.shape == (48, 64, 3)
     assert np.abs(one.astype(int) - other).max() > 30
     envs.close()
+
+
+def test_gymnasium_records_a_video(tmp_path):
+    pytest.importorskip("moviepy", reason="the extra video is not installed")
+    env = gym.make("symbrion_gym/SnakePit-v1", arena="truth", modules=3, render_mode="rgb_array")
+    env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"), episode_trigger=lambda episode: True)
+    env.reset(seed=0)
+    for _ in range(10):
+        env.step(env.action_space.sample())
+    env.close()
+    (film,) = (tmp_path / "films").glob("*.mp4")
+    with imageio.get_reader(film) as reader:
+        assert reader.get_meta_data()["codec"] == "h264"
+        assert reader.get_data(9).std() > 10.0
 
 
 def test_without_a_mode_nothing_is_drawn():
