@@ -3,7 +3,7 @@ PYTHON ?= python3
 RUN := .venv/bin/python
 INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: setup demo test test-slow test-nightly check evidence paper docs assets clean
+.PHONY: setup demo test test-slow check evidence paper docs assets clean
 
 setup: .venv/.installed
 
@@ -19,13 +19,10 @@ demo: .venv/.demo
 	$(RUN) -m evolution demo --out demo
 
 test: setup
-	$(RUN) -m pytest -m "not slow and not nightly" -n 2 --dist loadfile
+	$(RUN) -m pytest -m "not slow" -n 2 --dist loadfile
 
 test-slow: setup
-	$(RUN) -m pytest -m "slow and not nightly" -n 2 --dist loadfile
-
-test-nightly: setup
-	$(RUN) -m pytest -m nightly -n 2 --dist loadfile
+	$(RUN) -m pytest -m slow -n 2 --dist loadfile
 
 # Style, types, licenses of the dependencies.
 check: setup

@@ -141,13 +141,24 @@ def _damage(content: bytes, rng: np.random.Generator) -> bytes:
 @row(GROUP, "Files that name code (runs, tasks, controllers, submissions): tests of attacks that pass", "all")
 def measure_attacks() -> Figures:
     """Run the tests of attacks."""
-    tests = Path("tests/evolution/test_attacks.py")
-    if not tests.exists():
+    return _run_tests("tests/evolution/test_attacks.py")
+
+
+@row(GROUP, "Tests of extras that CI lacks (Warp on its CPU device, Ray, PPO), skipped where they are not installed",
+     "all")  # fmt: skip
+def measure_extras() -> Figures:
+    """Run the slow tests of extras."""
+    return _run_tests(
+        "tests/symbrion_gym/environment/warp", "tests/evolution/backends", "tests/benchmarks",
+        "tests/test_examples.py", "-m", "slow", "-n", "2", "--dist", "loadfile",
+    )  # fmt: skip
+
+
+def _run_tests(*words: str) -> Figures:
+    if not Path("tests").exists():
         return {"missing": "no checkout"}
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", str(tests)], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "pytest", *words], capture_output=True, text=True, check=False
     )
-    return {
-        "code": done.returncode,
-        "said": "all" if done.returncode == 0 else done.stdout.strip().splitlines()[-1],
-    }
+    said = done.stdout.strip().splitlines()[-1].strip("= ")
+    return {"code": done.returncode, "said": said}

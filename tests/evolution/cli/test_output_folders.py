@@ -130,10 +130,10 @@ def test_a_kill_leaves_the_old_file_or_the_new_one(tmp_path, kind, exists, monke
 
 
 PROGRAM = "import sys; from evolution._src.cli.main import main; main(sys.argv[1:])"
-KILLS = 6
+KILLS = 3
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["arena", "survey", "reconstruct"])
 def test_commands_killed_while_they_write(tmp_path, command):
     """Signal 9 comes a random moment after the first change in the folder."""

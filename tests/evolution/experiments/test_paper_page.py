@@ -16,11 +16,12 @@ from PIL import Image
 
 from evolution import report
 from evolution._src.cli.main import run
+from evolution._src.experiments.paper import PaperSizes
 from evolution._src.report.figures import encode_png
 from evolution._src.report.scene import CAMERA
 from symbrion_gym import Course
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.slow
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = [
@@ -142,9 +143,11 @@ def test_wide_tables_scroll_on_a_phone(browser: Any, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a reduced run."""
+    """The folder of a run that is reduced further than by `--quick`."""
     folder = tmp_path_factory.mktemp("paper")
-    assert run(["paper", "--quick", "--quiet", "--out", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("evolution._src.experiments.paper.QUICK", PaperSizes((2200,), (13860,), 1, 2, 1, 20))
+        assert run(["paper", "--quick", "--quiet", "--out", str(folder)]) == 0
     return folder
 
 

@@ -177,9 +177,3 @@ def check_kills(tmp_path: Path, moments: np.ndarray) -> int:
 @pytest.mark.slow
 def test_a_killed_run_resumes_to_the_same_champion(tmp_path):
     assert check_kills(tmp_path, np.array([0.05, 0.5])) >= 1
-
-
-@pytest.mark.nightly
-def test_twenty_killed_runs_resume_to_the_same_champion(tmp_path):
-    moments = np.random.default_rng(0).uniform(0.0, 1.5, 20)
-    assert check_kills(tmp_path, moments) >= 10

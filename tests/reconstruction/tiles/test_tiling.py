@@ -141,7 +141,7 @@ def test_damaged_files_are_named(tiles, tmp_path, name):
         TiledSurface.load(folder).mesh()
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_workers_give_the_same_files(tiles, tmp_path):
     again = reconstruct_tiles(make_points(), tmp_path / "tiles", CONFIG, workers=2)
     assert read_all(again.folder) == read_all(tiles.folder)

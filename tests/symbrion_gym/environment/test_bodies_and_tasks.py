@@ -2,6 +2,7 @@
 
 import warnings
 from functools import cache
+from itertools import cycle, product
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ BODIES: dict[str, Organism] = {
 }
 ARENAS = ("truth", "gsrm", "gg", "wide")
 TASKS = ("cross_gap", "climb", "reach", "traverse")
-QUICK = [("snake 2", "reach", "truth"), ("cross", "traverse", "truth"), ("tree", "climb", "gsrm")]
+CASES = [(body, *place) for body, place in zip(cycle(BODIES), product(TASKS, ARENAS), strict=False)]
 TICKS = 25
 
 
@@ -49,14 +50,6 @@ def check(body: str, task: str, arena: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("body", "task", "arena"), QUICK)
-def test_some_of_them(body, task, arena):
-    check(body, task, arena)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("arena", ARENAS)
-@pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("body", BODIES)
-def test_all_of_them(body, task, arena):
+@pytest.mark.parametrize(("body", "task", "arena"), CASES)
+def test_every_task_in_every_arena_and_every_body_in_some(body, task, arena):
     check(body, task, arena)

@@ -110,7 +110,7 @@ def test_trees_rest_where_they_are_laid(body, where):
         assert_rests(env, yaw)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("arena", ["truth", "gsrm", "gg"])
 def test_every_body_rests_at_every_start(arena):
     for body in (*map(snake, range(1, 10)), *make_trees(10)):

@@ -97,7 +97,7 @@ def test_without_errors_the_readings_are_exact():
     assert not log.truth.is_mixed.any()
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_the_default_path_sees_everything():
     log = survey(SURFACE, seed=0)
     rest = np.linalg.inv(log.truth.robot_poses) @ level_floor(log).poses @ np.linalg.inv(log.mount)

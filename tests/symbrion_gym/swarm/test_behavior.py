@@ -78,7 +78,7 @@ def test_the_robot_that_meets_the_pit_drives_back_to_the_floor_and_recruits() ->
     assert abs(swarm.world.state.rotation[0, 1, 0]) < 0.1  # straight, as the ramp is
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_scattered_robots_become_a_snake() -> None:
     """Of three starts at least one: where they meet depends on the last digits of a processor."""
     arena, whole = sg.load_arena("truth"), 0

@@ -117,8 +117,8 @@ def test_a_ring_keeps_its_hole():
     assert (np.linalg.norm(middle, axis=1) < 0.6).mean() < 0.02
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
 def test_no_pinch_on_a_fine_grid(step, seed):
     """Padding repeats samples, and equal coordinates once put strays into tiles: the grid was dragged to them."""
     quality = judge(train(draw(step, 61_000, seed), GrowingGridConfig(units=7000), seed=seed))

@@ -17,9 +17,7 @@ from reconstruction._src.surfaces.quality import Topology, compute_distances, co
 keep_compiled_programs()
 ROOT = Path(__file__).parents[4]
 SPHERE = trimesh.creation.icosphere(4)
-SEEDS = pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in (1, 2))]
-)
+SEEDS = pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 TORUS = trimesh.creation.torus(1.0, 0.4, major_sections=64, minor_sections=32)
 
 
@@ -96,7 +94,7 @@ def test_uneven_density() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("units", [200, 800, pytest.param(2200, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("units", [200, 800, 2200])
 def test_noisy_scan_lines_far_apart_make_one_sheet(units: int) -> None:
     rng = np.random.default_rng(0)
     line, along = np.divmod(np.arange(20000), 1000)

@@ -14,7 +14,7 @@ from symbrion_gym._src.tasks.terms import Termination
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
 jax = pytest.importorskip("jax")
-slow = pytest.mark.nightly
+slow = pytest.mark.slow
 
 NUM = 4
 RANDOM = {"torque_scale": (0.9, 1.1), **LEVEL}
