@@ -1,7 +1,7 @@
 """Submit to the benchmark suite: train PPO (stable-baselines3) on each task, and write what it learns as a submission.
 
     pip install "symbrion-gym[rl]"
-    python examples/suite_ppo.py --seeds 0 1 --out ppo.json
+    python examples/suite_ppo.py --out ppo.json
     cd examples && symbrion bench-suite board ../ppo.json --allow-code policy_network --out ../board.html
 
 The policy is a network of 2 x 32 units (tanh). It is trained on the scanned arena alone, for the budget of the suite.
@@ -26,7 +26,7 @@ from evolution._src.controllers.joints import count_tracks
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.baselines import LEARNING_SEED
 from evolution._src.suite.submission import Entry, fill_submission
-from evolution._src.suite.tasks import BUDGET, SUITE, SuiteTask, find_suite_task
+from evolution._src.suite.tasks import BUDGET, SEEDS, SUITE, SuiteTask, find_suite_task
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
 from symbrion_gym._src.robot.body_plans import organism_to_text
@@ -104,7 +104,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--tasks", nargs="+", default=[task.name for task in SUITE])
     parser.add_argument("--out", type=Path, default=Path("ppo.json"))
     options = parser.parse_args()

@@ -107,10 +107,14 @@ def _check_entry(entry: Entry) -> None:
         check_genotype(entry.task, entry.genotype, find_controller(entry.controller, organism, tracks))
     if not all(isfinite(value) for value in entry.genotype):
         raise RunError(f"{entry.task}: the genotype is not finite")
-    if entry.seed not in SEEDS:
-        raise RunError(f"{entry.task}: the seed is {entry.seed}; those of the suite are {SEEDS}")
+    _check_seed(entry.task, entry.seed)
     if not 0.0 <= entry.seconds <= _TOLERANCE * BUDGET:
         raise RunError(f"{entry.task}: {entry.seconds:.0f} s were spent, of a budget of {BUDGET:.0f} s")
+
+
+def _check_seed(task: str, seed: int) -> None:
+    if seed not in SEEDS:
+        raise RunError(f"{task}: the seed is {seed}; those of the suite are {', '.join(map(str, SEEDS))}")
 
 
 def fill_submission(
@@ -123,6 +127,8 @@ def fill_submission(
 ) -> Submission:
     """Return a submission with an entry for each task and seed, as a function of both finds it; those that the file
     has are kept."""
+    for task, seed in pairs:
+        _check_seed(task.name, seed)
     submission = Submission(name, (), provenance)
     if out is not None and out.exists():
         known = load_submission(out)

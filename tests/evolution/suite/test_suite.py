@@ -21,7 +21,7 @@ from evolution._src.suite.baselines import METHODS, Practice, run_suite
 from evolution._src.suite.exam import TRIALS, Exam, Result, Score, hold_exam
 from evolution._src.suite.leaderboard import estimate, make_page, rank
 from evolution._src.suite.submission import Entry, Submission, fill_submission, load_submission
-from evolution._src.suite.tasks import SUITE, find_published_arena, find_suite_task, make_true_arena
+from evolution._src.suite.tasks import SEEDS, SUITE, find_published_arena, find_suite_task, make_true_arena
 from symbrion_gym._src.arenas.arena import Arena
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
@@ -115,6 +115,8 @@ def test_what_does_not_exist_or_suit_is_refused():
         find_suite_task("moon")
     with pytest.raises(RunError, match="method"):
         run_suite("moon", (0,), simulate=simulate)
+    with pytest.raises(RunError, match="the seed is 12; those of the suite are 0, 1"):
+        run("zero", seeds=(0, 12))
 
 
 def test_a_run_that_was_stopped_goes_on_and_computes_no_entry_again(tmp_path, entry):
@@ -284,12 +286,12 @@ def make_exam(entry, scores):
     results = [
         Result(
             name,
-            replace(entry, seed=seed, genotype=(0.1 * seed,) * 8),
+            replace(entry, seed=SEEDS[number], genotype=(0.1 * number,) * 8),
             Score(1.0, 0),
-            Score(float(seed), each),
+            Score(float(number), each),
         )
         for name, successes in scores.items()
-        for seed, each in enumerate(successes)
+        for number, each in enumerate(successes)
     ]
     return Exam(3, tuple(results), (("told", "not allowed"),))
 
@@ -304,11 +306,11 @@ def test_an_estimate_is_the_interquartile_mean_with_an_interval_that_narrows_wit
 
 def test_the_ranking_is_by_successes_in_the_truth_with_ties_and_no_place_without_one(tmp_path, entry):
     scores = {
-        "a": (0,) * 10,
-        "b": (7,) * 10,
-        "c": (7, 7, 6, 7, 8) * 2,
-        "d": (4,) * 10,
-        "few seeds": (10,) * 9,
+        "a": (0,) * 20,
+        "b": (7,) * 20,
+        "c": (7, 7, 6, 7, 8) * 4,
+        "d": (4,) * 20,
+        "few seeds": (10,) * 19,
     }
     exam = make_exam(entry, scores)
     found = [(row.submission, row.place) for row in rank(exam)]
@@ -316,7 +318,7 @@ def test_the_ranking_is_by_successes_in_the_truth_with_ties_and_no_place_without
     make_page(exam, [Submission("a", (entry,))]).write(tmp_path / "board.html")
     html = (tmp_path / "board.html").read_text()
     copied = exam._replace(results=tuple(each._replace(entry=entry) for each in exam.results))
-    assert {(row.seeds, row.place) for row in rank(copied)} == {(1, "–")}  # one genotype under ten seeds
+    assert {(row.seeds, row.place) for row in rank(copied)} == {(1, "–")}  # one genotype under all seeds
     assert html.count('<div class="scroll"><table>') == html.count("<table>") == 1
     assert "exam seed 3" in html
     assert "told: not allowed" in html
