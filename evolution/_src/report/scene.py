@@ -127,9 +127,9 @@ def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
     else:
         look = {"vertexcolor": ["#" + bytes(rgb).hex() for rgb in own]}
         light = {"ambient": 0.4, "diffuse": 0.8}
-    look |= {"i": i, "j": j, "k": k, "lightposition": {"x": -1e5, "y": -4e4, "z": 1e5}}
-    look["lighting"] = {**light, "specular": 0.0, "fresnel": 0.0}
-    return {"type": "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), **look}
+    light |= {"specular": 0.0, "fresnel": 0.0}
+    look |= {"lighting": light, "lightposition": {"x": -1e5, "y": -4e4, "z": 1e5}}
+    return {"type": "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), "i": i, "j": j, "k": k, **look}
 
 
 def _join(lines: Float[np.ndarray, "L P 3"]) -> Float[np.ndarray, "N 3"]:
