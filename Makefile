@@ -19,7 +19,7 @@ demo: .venv/.demo
 	$(RUN) -m evolution demo --out demo
 
 test: setup
-	$(RUN) -m pytest -m "not slow" -n 2 --dist loadfile
+	$(RUN) -m pytest -m "not slow and not long" -n 2 --dist loadfile
 
 test-slow: setup
 	$(RUN) -m pytest -m slow -n 2 --dist loadfile

@@ -53,7 +53,7 @@ def test_the_own_controller_is_evaluated_and_short() -> None:
     assert len((EXAMPLES / "own_controller.py").read_text().splitlines()) <= 25
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ppo_is_trained_saved_judged_and_filmed(tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")
     example = load("train_ppo")
@@ -71,7 +71,7 @@ def test_ppo_is_trained_saved_judged_and_filmed(tmp_path: Path) -> None:
     assert (tmp_path / "film.mp4").stat().st_size > 1000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ppo_submits_to_the_suite_what_it_has_learned() -> None:
     pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")
     from evolution._src.controllers.finding import find_controller
@@ -151,7 +151,7 @@ def test_a_tracked_rover_drives_up_the_ramp_of_a_scan() -> None:
     assert np.linalg.norm(place - goal) < 0.15
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ppo_learns_on_a_device() -> None:
     pytest.importorskip("mujoco_warp", reason="the extra gpu is not installed")
     example = load("train_ppo_gpu")

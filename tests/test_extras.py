@@ -140,7 +140,7 @@ def test_the_pipeline_runs_with_the_extras_hidden(tmp_path: Path) -> None:
     run_pipeline(sys.executable, HIDE + CORE_PIPELINE, tmp_path, PYTHONPATH=str(ROOT))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_pipeline_runs_after_pip_install_only(tmp_path: Path) -> None:
     """A fresh environment with `pip install .` and nothing else; needs a package index."""
     venv.create(tmp_path / "venv", with_pip=True)

@@ -144,14 +144,11 @@ def measure_attacks() -> Figures:
     return _run_tests("tests/evolution/test_attacks.py")
 
 
-@row(GROUP, "Tests of extras that CI lacks (Warp on its CPU device, Ray, PPO), skipped where they are not installed",
-     "all")  # fmt: skip
-def measure_extras() -> Figures:
-    """Run the slow tests of extras."""
-    return _run_tests(
-        "tests/symbrion_gym/environment/warp", "tests/evolution/backends", "tests/benchmarks",
-        "tests/test_examples.py", "-m", "slow", "-n", "2", "--dist", "loadfile",
-    )  # fmt: skip
+@row(GROUP, "Tests that are too long for CI, or of extras that it lacks (Warp on its CPU device, Ray, PPO), which are "
+     "skipped where they are not installed", "all")  # fmt: skip
+def measure_long_tests() -> Figures:
+    """Run the long tests."""
+    return _run_tests("-m", "long", "-n", "2", "--dist", "loadfile")
 
 
 def _run_tests(*words: str) -> Figures:

@@ -59,7 +59,7 @@ def test_a_scanned_place_is_driven_from_place_to_place():
     assert warp_speed.find_task("arenas/room")["task"] == "traverse"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ppo_learns_on_the_c_engine_as_well(monkeypatch, stored):
     monkeypatch.setattr(benchmark, "find_missing", lambda *_: ())
     assert benchmark.run(True, "cpu", only=("ppo_host",)) == []
@@ -68,7 +68,7 @@ def test_ppo_learns_on_the_c_engine_as_well(monkeypatch, stored):
     assert {"zero", "random", "judged"} <= set(found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("needs_gpu")
 @pytest.mark.parametrize("part", ["ticks", "crossings", "speed", "generation", "ppo"])
 def test_every_part_runs_without_a_gpu(part, stored):
@@ -79,7 +79,7 @@ def test_every_part_runs_without_a_gpu(part, stored):
         assert {"zero", "random", "judged"} <= set(found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("needs_gpu")
 def test_speed_is_measured_with_torch(stored):
     pytest.importorskip("torch", reason="torch is not installed")
@@ -87,7 +87,7 @@ def test_speed_is_measured_with_torch(stored):
     assert stored["speed_torch"]["truth"]["2 worlds"]["robot_seconds_per_second"] > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("needs_gpu")
 def test_where_jax_sees_no_gpu_only_the_physics_is_on_it(monkeypatch, stored):
     from symbrion_gym._src.environment.warp import device_vector_env

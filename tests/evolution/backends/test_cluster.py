@@ -37,7 +37,7 @@ def test_without_ray_the_remedy_is_named(use, monkeypatch):
         use()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_ray
 def test_a_node_killed_in_mid_generation_loses_nothing():
     assert ray is not None
@@ -62,7 +62,7 @@ def test_a_node_killed_in_mid_generation_loses_nothing():
         cluster.shutdown()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_ray
 def test_batch_processes_and_ray_write_the_same_history(tmp_path):
     config = EvolutionConfig(arena="truth", generations=4, stop_when_solved=False, workers=2)
@@ -79,7 +79,7 @@ def test_no_cluster_at_an_address_is_a_run_error():
         make_backend("ray", 1, address="127.0.0.1:1", simulate=toys.bowl)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_ray
 def test_tiles_on_a_cluster_are_those_of_this_process(tmp_path):
     points = np.random.default_rng(0).uniform(0, 4, (2000, 3)) * [1, 1, 0.01]

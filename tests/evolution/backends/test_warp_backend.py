@@ -64,7 +64,7 @@ def test_the_record_says_what_a_resume_repeats(engines, tmp_path):
     assert len(load_run(tmp_path / "warp").history) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_generation_runs_on_the_cpu_device(tmp_path):
     pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
     config = replace(

@@ -21,8 +21,6 @@ from evolution._src.report.figures import encode_png
 from evolution._src.report.scene import CAMERA
 from symbrion_gym import Course
 
-pytestmark = pytest.mark.slow
-
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = [
     "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
@@ -72,6 +70,7 @@ def look(page: Any) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(page.locator(".scene").screenshot())).convert("RGB")).astype(int)
 
 
+@pytest.mark.slow
 def test_two_clicks_on_a_scene_write_a_command_and_a_turn_none(browser, tmp_path):
     scene = report.Scene(command="train --start START --goal GOAL")
     scene.add_surface("surface", Course().surface(), "#aabbcc")
@@ -131,6 +130,7 @@ def check_scene(page: Any) -> None:
     assert count_changed(seen, look(page)) > 1000  # it turns
 
 
+@pytest.mark.slow
 def test_wide_tables_scroll_on_a_phone(browser: Any, tmp_path: Path) -> None:
     page = report.Page("A page with a title that is longer than a phone is wide")
     page.add_table([f"column {i}" for i in range(14)], [[f"{10**i:,}" for i in range(14)]], "a table")
@@ -151,6 +151,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")  # imageio's reader is a process of its own
 def test_everything_is_kept_as_files(paper: Path) -> None:
     results = json.loads((paper / "results.json").read_text())
@@ -165,6 +166,7 @@ def test_everything_is_kept_as_files(paper: Path) -> None:
     assert not list(paper.rglob("*.part*"))
 
 
+@pytest.mark.long
 def test_the_claims_can_be_read_off(paper: Path) -> None:
     experiments = json.loads((paper / "results.json").read_text())
     laser = experiments["laser"]["figures"]["ratios"]
@@ -176,6 +178,7 @@ def test_the_claims_can_be_read_off(paper: Path) -> None:
     assert steps[-1]["mean"] < steps[0]["mean"]
 
 
+@pytest.mark.long
 def test_a_second_call_does_nothing_twice(paper: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = {path: path.stat().st_mtime_ns for path in (paper / "experiments").iterdir()}
     page = (paper / "report.html").read_bytes()
@@ -187,6 +190,7 @@ def test_a_second_call_does_nothing_twice(paper: Path, capsys: pytest.CaptureFix
     assert "describes other options" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_the_page_in_a_browser(browser: Any, paper: Path, size: tuple[int, int]) -> None:
     path = paper / "report.html"

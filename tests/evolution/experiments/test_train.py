@@ -35,7 +35,7 @@ def test_halves_share_no_reading() -> None:
         assert len(np.unique(rows, axis=0)) == len(rows) == count
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "GENERATIONS", 4)
     monkeypatch.setattr(training, "TRIALS", 6)

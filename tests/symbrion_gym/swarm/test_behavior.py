@@ -81,15 +81,14 @@ def test_the_robot_that_meets_the_pit_drives_back_to_the_floor_and_recruits() ->
 @pytest.mark.slow
 def test_scattered_robots_become_a_snake() -> None:
     """Of three starts at least one: where they meet depends on the last digits of a processor."""
-    arena, whole = sg.load_arena("truth"), 0
+    arena = sg.load_arena("truth")
     for seed in range(3):
         poses = scatter(find_field(arena), 4, arena, np.random.default_rng(seed))
         swarm = run(make_swarm(poses, None, arena, noise=1.0), 1000.0, is_whole)
         if is_whole(swarm):
-            assert sorted(swarm.memory.role.tolist()) == [0, 1, 2, 3]
-            assert len(swarm.world.state.links) == 3
-            whole += 1
-    assert whole
+            break
+    assert sorted(swarm.memory.role.tolist()) == [0, 1, 2, 3]
+    assert len(swarm.world.state.links) == 3
 
 
 def test_a_robot_in_the_way_of_an_accepted_one_leaves_it_and_keeps_apart() -> None:

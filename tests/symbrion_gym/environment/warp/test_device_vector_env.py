@@ -14,7 +14,7 @@ from symbrion_gym._src.tasks.terms import Termination
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
 jax = pytest.importorskip("jax")
-slow = pytest.mark.slow
+long = pytest.mark.long
 
 NUM = 4
 RANDOM = {"torque_scale": (0.9, 1.1), **LEVEL}
@@ -41,7 +41,7 @@ def compare_steps(one, two, ticks, low=-0.7):
     return first, second
 
 
-@slow
+@long
 def test_episodes_follow_the_c_engine():
     one, two = make("mujoco", autoreset_mode="Disabled"), make(autoreset_mode="Disabled")
     first, second = (envs.reset(seed=3) for envs in (one, two))
@@ -57,7 +57,7 @@ def test_episodes_follow_the_c_engine():
     assert isinstance(found[4]["progress"], jax.Array)
 
 
-@slow
+@long
 @pytest.mark.parametrize(
     ("mode", "times"),
     [
@@ -94,7 +94,7 @@ def _all_begin(observation, begun):
     return all(np.abs(begun - row).max(axis=1).min() < 1e-6 for row in found)
 
 
-@slow
+@long
 def test_starts_differ_in_the_physics_after_an_automatic_reset():
     envs = make(autoreset_mode="SameStep", max_episode_steps=3, randomize={"yaw": (-0.3, 0.3)})
     envs.reset(seed=1)
@@ -106,7 +106,7 @@ def test_starts_differ_in_the_physics_after_an_automatic_reset():
     assert (np.asarray(envs.batch.view()["qvel"]) == 0.0).all()
 
 
-@slow
+@long
 def test_only_some_are_reset_and_equal_seeds_give_equal_bits():
     envs = make(autoreset_mode="Disabled", max_episode_steps=3)
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (3, *envs.action_space.shape))
@@ -123,7 +123,7 @@ def test_only_some_are_reset_and_equal_seeds_give_equal_bits():
     np.testing.assert_allclose(info["time"], np.where(mask, 0.02, 0.06), atol=1e-6)
 
 
-@slow
+@long
 def test_laser_and_infrared_see_the_exact_surface_as_on_the_c_engine():
     options = {"arena": "gsrm", "pit": None, "start": None, "sensors": ("laser", "ir")}
     one, two = (make(backend, autoreset_mode="Disabled", **options) for backend in ("mujoco", "warp"))
@@ -139,7 +139,7 @@ def test_laser_and_infrared_see_the_exact_surface_as_on_the_c_engine():
     assert max(worst) < 1e-2, "in others C reads a physics step later, as its clock rounds the interval"
 
 
-@slow
+@long
 def test_torch_tensors_share_the_memory():
     torch = pytest.importorskip("torch", reason="needs torch")
     envs = make(array="torch")
@@ -151,7 +151,7 @@ def test_torch_tensors_share_the_memory():
     assert torch.isfinite(reward).all()
 
 
-@slow
+@long
 def test_reaching_follows_the_c_engine():
     """Bodies drive on their tracks; shares and distances are such that they arrive within the ticks."""
     goal = {"places": ((-2.04, 0.0),), "goal": (-1.98, 0.0), "tolerance": 0.03}
@@ -193,7 +193,7 @@ def test_what_a_device_lacks_is_refused(options, message):
         make(**options)
 
 
-@slow
+@long
 def test_some_are_reset_alone_only_where_nothing_resets_by_itself():
     envs = make()
     for options in ({"reset_mask": np.arange(NUM) == 0}, {"friction": [0.5, 0.6, 0.7, 0.8]}):

@@ -9,7 +9,7 @@ from symbrion_gym._src.environment.making import make_vector_env
 from symbrion_gym._src.errors import OptionError
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 NUM = 4
 RANDOM = {"torque_scale": (0.9, 1.1), "start_offset": (-0.05, 0.05), **LEVEL}
