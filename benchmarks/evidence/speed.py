@@ -63,9 +63,8 @@ def measure_env_step() -> Figures:
 @row(GROUP, "16 snakes at once on truth, one thread: robot-seconds a second", "at least 100")
 def measure_vector() -> Figures:
     """Measure a vector environment."""
-    envs: Any = gym.make_vec(
-        ID, num_envs=16, vectorization_mode="vector_entry_point", arena="truth", modules=8
-    )
+    options: dict[str, Any] = {"arena": "truth", "modules": 8, "num_threads": 1}
+    envs: Any = gym.make_vec(ID, num_envs=16, vectorization_mode="vector_entry_point", **options)
     envs.reset(seed=0)
     wave = 0.4 * np.sin(0.1 * np.arange(_TICKS)[:, None] - 0.8 * np.arange(envs.single_action_space.shape[0]))
     rounds = []
