@@ -115,8 +115,10 @@ def test_what_does_not_exist_or_suit_is_refused():
         find_suite_task("moon")
     with pytest.raises(RunError, match="method"):
         run_suite("moon", (0,), simulate=simulate)
-    with pytest.raises(RunError, match="the seed is 12; those of the suite are 0, 1"):
-        run("zero", seeds=(0, 12))
+    with pytest.raises(
+        RunError, match="the seed is 12; those of the suite are 0, 1"
+    ):  # before anything is run
+        run_suite("zero", (0, 12), simulate=lambda jobs, threads: pytest.fail("a search was begun"))
 
 
 def test_a_run_that_was_stopped_goes_on_and_computes_no_entry_again(tmp_path, entry):
