@@ -112,6 +112,18 @@ def test_a_list_and_contents(tmp_path: Path) -> None:
     assert "<li>two &amp; three</li>" in html
 
 
+def test_a_surface_in_its_own_colors_is_lit() -> None:
+    surface = Course().surface()
+    surface.visual = trimesh.visual.ColorVisuals(
+        surface, vertex_colors=np.full((len(surface.vertices), 4), 128)
+    )
+    scene = report.Scene()
+    scene.add_surface("surface", surface, "#aabbcc")
+    (trace, *_) = scene.layers[0].traces
+    assert set(trace["vertexcolor"]) == {"#808080"}
+    assert trace["lighting"]["ambient"] < trace["lighting"]["diffuse"]
+
+
 def test_switches_know_their_traces(tmp_path: Path) -> None:
     scene = report.Scene()
     surface = Course().surface()

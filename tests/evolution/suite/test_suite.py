@@ -115,9 +115,8 @@ def test_what_does_not_exist_or_suit_is_refused():
         find_suite_task("moon")
     with pytest.raises(RunError, match="method"):
         run_suite("moon", (0,), simulate=simulate)
-    with pytest.raises(
-        RunError, match="the seed is 12; those of the suite are 0, 1"
-    ):  # before anything is run
+    # before anything is run
+    with pytest.raises(RunError, match="the seed is 12; those of the suite are 0, 1"):
         run_suite("zero", (0, 12), simulate=lambda jobs, threads: pytest.fail("a search was begun"))
 
 
