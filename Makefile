@@ -1,7 +1,7 @@
 # Everything runs in .venv; the first target that needs it makes it.
 PYTHON ?= python3
 RUN := .venv/bin/python
-INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt
+INSTALL := $(RUN) -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt
 
 .PHONY: setup demo test test-slow check evidence paper docs assets clean
 

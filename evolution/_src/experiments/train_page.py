@@ -49,13 +49,11 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
     way = f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."
     page.add_section("The way", way)
-    page.add_figure(
-        to_png(
-            draw_arena(arena, ("surface", "drivable", "route"), ground, route, organism, has_plan=True),
-            is_reduced=False,
-        ),
-        "The site from two sides and from above: ground that the body can drive on, and the way that it drove.",
-    )
+    layers, shown = ("surface", "route"), "the way that it drove"
+    if len(named) > 1:  # what leads over a gap is no ground that a body can drive on
+        layers, shown = ("surface", "drivable", "route"), f"ground that the body can drive on, and {shown}"
+    figure = draw_arena(arena, layers, ground, route, organism, has_plan=True)
+    page.add_figure(to_png(figure, is_reduced=False), f"The site from two sides and from above: {shown}.")
     if film.frames:
         page.add_video(
             encode_video(film.frames, film.fps), f"The champion ({where}), at five times real time."

@@ -132,8 +132,8 @@ def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
     visual.headlight.ambient = [0.40, 0.40, 0.40]
     visual.headlight.diffuse = [0.35, 0.35, 0.35]
     visual.headlight.specular = [0.10, 0.10, 0.10]
-    visual.quality.shadowsize = 4096
-    visual.quality.offsamples = 8
+    visual.quality.shadowsize = 2048
+    visual.quality.offsamples = 4
     visual.map.znear = 0.005
     getattr(visual, "global").offwidth = max(width, 640)
     getattr(visual, "global").offheight = max(height, 480)

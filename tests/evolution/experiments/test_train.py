@@ -13,7 +13,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.cli.main import run
 from evolution._src.experiments import train as training
-from evolution._src.experiments.train import split_readings
+from evolution._src.experiments.train import choose_task, split_readings
 from evolution._src.experiments.train_page import _compare_models
 from symbrion_gym._src.contact.quality import ArenaQuality
 
@@ -74,6 +74,29 @@ def test_a_part_of_a_scan_is_cropped_or_refused(tmp_path, capsys, name, box, mes
         np.savetxt(path, make_scan().points)
     assert run(["train", str(path), "--out", str(tmp_path / "x"), "--crop", *box.split()]) in (1, 2)
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("body", "ends", "modules", "controller"),
+    [
+        (8, (None, None), 8, "path"),  # across the pit that is there
+        (None, ((-1.5, 0.0), (1.5, 0.0)), 8, "path"),  # as many as cross it
+        (None, (None, None), 1, "posture"),  # where ground leads
+        (1, ((-2.6, 0.0), None), 1, "posture"),
+    ],
+)
+def test_a_site_asks_for_a_row_that_crosses_its_gap_or_for_a_scout_on_its_way(
+    tmp_path, body, ends, modules, controller
+) -> None:
+    arenas = [sg.load_arena("gsrm"), sg.load_arena("truth")]
+    config = choose_task(arenas, tmp_path, None if body is None else sg.snake(body), *ends, 0, 1)
+    assert (config.find_organism().num_modules, config.controller) == (modules, controller)
+    # As wide as it was scanned: what the scan has wrong, the other half tells.
+    assert config.randomization.stretch == (1.0,)
+    places = dict(config.environment).get("places")
+    assert (places is None) == (controller == "path")
+    if places is not None and ends[0] is not None:
+        assert config.start == ends[0]
 
 
 def test_what_the_other_half_does_not_confirm_is_unseen() -> None:

@@ -48,7 +48,7 @@ class Experiment(SeededCommand):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Demo(Experiment):
-    """Train a row of eight Scouts on a survey of the course, and judge its champion in the true course, too.
+    """Train a row of six Scouts on a survey of a short course, and judge its champion in the true course, too.
 
     Example: symbrion demo --out demo
     """
@@ -64,13 +64,15 @@ class Demo(Experiment):
         from evolution._src.experiments.train import MARKER, OUTPUTS
 
         refuse_foreign_files(self.out, MARKER, OUTPUTS)
-        truth = sg.Arena.from_course(sg.Course(color_pattern="checker"), "truth")
+        # Six Scouts that drive straight ahead do not cross it.
+        course = sg.Course(pit=0.38, height=0.2, ramp=0.7, floor=1.0, color_pattern="checker")
+        truth = sg.Arena.from_course(course, "truth")
         survey = self.out / "survey.npz"
         if not survey.exists():
             with console.track("Survey of the course") as step:
                 sg.survey(truth, seed=self.seed, progress=step.progress, camera=True).save(survey)
         with console.track("Training") as step:
-            options = {"organism": 8, "truth": truth, "seed": self.seed, "workers": self.workers}
+            options = {"organism": 6, "truth": truth, "seed": self.seed, "workers": self.workers}
             result = ev.train(survey, self.out, progress=step.progress, **options)
         return _report(result, step.seconds, console)
 
