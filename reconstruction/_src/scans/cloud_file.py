@@ -28,6 +28,7 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, to_meters
+from reconstruction._src.scans.ground import find_heights_above_ground
 from reconstruction._src.scans.mesh_files import CONVERTERS, check_plain, find_kind, read_mesh_points
 from reconstruction._src.scans.pcd import read_pcd
 from reconstruction._src.scans.ply import read_ply, write_ply
@@ -40,6 +41,7 @@ from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 _logger = logging.getLogger(__name__)
 
 _MIN_POINTS = 3  # Fewer points span no plane
+_TALLEST = 2.0  # What is higher above the ground meets no robot [m]
 _ROW_RANGE = 1000.0  # Farther than any automotive laser sees [m]; other .bin files have such numbers
 _NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")  # Arrays of an .npz that go with its array ``points``
 
@@ -88,7 +90,8 @@ def load_cloud(
     was subtracted.
 
     Rows that are not finite are dropped, and of a .las file what a robot on the ground neither drives on nor meets:
-    noise, water, high vegetation, wires; their number is logged. A warning is logged about a size that is none of a
+    noise, water, high vegetation, wires; where it has no classes, but echoes of several heights, what is more than 2 m
+    above the ground (Zhang et al. 2003). Their number is logged. A warning is logged about a size that is none of a
     robot's scene.
 
     Args:
@@ -113,6 +116,11 @@ def load_cloud(
     path = Path(path)
     raw = _read_sweeps(path, max_bytes) if find_kind(path) == ".3d" else _read_raw(path, max_bytes, classes)
     cloud = _make_cloud(path, raw, unit, up, scale, viewpoints)
+    if raw.has_cover:
+        is_near = find_heights_above_ground(cloud.points) <= _TALLEST
+        text = "%s: no point has a class; dropped %d more than %g m above the ground, kept %d; classes=(0, 1) keeps all"
+        _logger.warning(text, path, (~is_near).sum(), _TALLEST, is_near.sum())
+        cloud = cloud.select(is_near)
     odd = None if any_size else describe_odd_size(cloud.points)
     if odd:
         _logger.warning("%s: %s; if that is wrong, give unit= or scale=", path, odd)

@@ -42,6 +42,9 @@ class RawPoints(NamedTuple):
     has_fixed_unit: bool = False  # the format has this unit, and no other
     up: str | None = None  # the axis that points up ("x", "-x", ...), or None where the file does not say
     num_ignored: int = 0  # points that the file itself marks as unusable; they are left out
+    has_cover: bool = (
+        False  # pulses came back from several heights, and the file does not say which are the ground
+    )
 
 
 def to_meters(

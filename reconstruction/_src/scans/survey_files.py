@@ -33,6 +33,10 @@ _PACKED = 0x80  # Bit of the point format that says that the points are compress
 _NO_GROUND = (5, 7, 9, 13, 14, 15, 16, 18)
 """Classes that a robot on the ground neither drives on nor meets (LAS 1.4, table 17): high vegetation, noise, water,
 wires and their towers, high noise. Buildings stay, as walls."""
+_UNCLASSIFIED = 1  # The highest class that says nothing
+_ECHOES = (
+    0.01  # Share of points of pulses that came back more than once, above which a scan saw through vegetation
+)
 _MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099  # GeoTIFF 1.0: model type, units of length, height
 _DEGREES = 2  # Value of GTModelTypeGeoKey for longitude and latitude
 _GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # Their values -> m: meter, foot, US survey foot
@@ -62,13 +66,15 @@ def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoin
             raise ScanError(f"the header promises {count} points of {size} bytes in {file.size} bytes")
         meters, height_factor = find_las_units(header)
         colors = np.empty((count, 3), np.uint16) if _has_colors(header) else None
-        num_read = num_kept = 0
-        for num_rows, rows in iterate_las(reader, classes):
-            chosen = slice(num_kept, num_kept + len(rows))
-            num_read, num_kept = num_read + num_rows, chosen.stop
-            points[chosen] = rows[:, :3]
+        num_read = num_kept = num_echoes = 0
+        has_classes = classes is not None
+        for chunk in iterate_las(reader, classes):
+            chosen = slice(num_kept, num_kept + len(chunk.rows))
+            num_read, num_kept = num_read + chunk.num_read, chosen.stop
+            num_echoes, has_classes = num_echoes + chunk.num_echoes, has_classes or chunk.has_classes
+            points[chosen] = chunk.rows[:, :3]
             if colors is not None:
-                colors[chosen] = rows[:, 3:]
+                colors[chosen] = chunk.rows[:, 3:]
     if num_read != count:
         raise ScanError(f"the header promises {count} points, the data hold {num_read}")
     points[:, 2] *= height_factor
@@ -78,6 +84,7 @@ def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoin
         meters=meters,
         up="z",
         num_ignored=num_read - num_kept,
+        has_cover=not has_classes and num_echoes > _ECHOES * num_read,
     )
 
 
@@ -97,17 +104,25 @@ def _has_colors(header: laspy.LasHeader) -> bool:
     return {*point_rows.COLORS} <= set(header.point_format.dimension_names)
 
 
-def iterate_las(
-    reader: laspy.LasReader, classes: Sequence[int] | None = None
-) -> Iterator[tuple[int, Float[np.ndarray, "N C"]]]:
-    """Yield how many points a chunk has, and x, y, z (red, green, blue) of those of some classes, not withheld."""
+class LasChunk(NamedTuple):
+    """Points of a file that are read at once."""
+
+    rows: Float[np.ndarray, "N C"]  # x, y, z (red, green, blue) of those of some classes, not withheld
+    num_read: int  # all
+    num_echoes: int  # of pulses that came back more than once
+    has_classes: bool  # whether any is said to be something
+
+
+def iterate_las(reader: laspy.LasReader, classes: Sequence[int] | None = None) -> Iterator[LasChunk]:
+    """Yield the points of a file, a chunk at a time."""
     names = ("x", "y", "z", *(point_rows.COLORS if _has_colors(reader.header) else ()))
     for chunk in reader.chunk_iterator(CHUNK):
         kinds = np.asarray(chunk["classification"])
         is_unusable = np.isin(kinds, _NO_GROUND) if classes is None else ~np.isin(kinds, classes)
         is_unusable |= np.asarray(chunk["withheld"]).astype(bool)
         columns = [np.asarray(chunk[name], dtype=np.float64)[~is_unusable] for name in names]
-        yield len(is_unusable), np.stack(columns, axis=1)
+        num_echoes = int((np.asarray(chunk["number_of_returns"]) > 1).sum())
+        yield LasChunk(np.stack(columns, axis=1), len(kinds), num_echoes, bool((kinds > _UNCLASSIFIED).any()))
 
 
 def _check_counts(file: BoundedFile) -> None:

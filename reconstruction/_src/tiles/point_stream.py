@@ -118,7 +118,7 @@ def _open_las(path: Path, meters: float | None) -> PointStream:
             header = reader.header
             corners, count = np.stack([header.mins, header.maxs]), header.point_count
             stated, height_factor = find_las_units(header)
-            _, first = next(iterate_las(reader), (0, np.zeros((0, 3))))
+            first = next((chunk.rows for chunk in iterate_las(reader)), np.zeros((0, 3)))
     except MissingExtraError:
         raise
     except Exception as error:  # laspy raises every kind of error on broken bytes
@@ -133,8 +133,8 @@ def _open_las(path: Path, meters: float | None) -> PointStream:
 
     def read() -> Iterator[Float[np.ndarray, "N columns"]]:
         with open_bounded(path, math.inf) as file, open_las(file) as reader:
-            for _, rows in iterate_las(reader):
-                yield _drop_broken(rows[:, :columns] * factors)
+            for chunk in iterate_las(reader):
+                yield _drop_broken(chunk.rows[:, :columns] * factors)
 
     return PointStream(read, find_offset(corners * lengths), columns)
 

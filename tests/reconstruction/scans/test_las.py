@@ -10,9 +10,11 @@ import pytest
 from damage import draw_damaged
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans.cloud_file import load_cloud, load_points
+from reconstruction._src.scans.ground import find_heights_above_ground
 
 laspy = pytest.importorskip("laspy", reason="the extra `formats` is not installed")
 from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr  # noqa: E402
@@ -179,6 +181,52 @@ def test_damaged_files_give_points_or_the_error(tmp_path: Path, packed: bool, da
     except ScanError:
         return
     assert np.isfinite(cloud.points).all()
+
+
+def make_forest() -> tuple[np.ndarray, np.ndarray]:
+    """Return points of a slope with trees and a house, and what each belongs to: ground, trunk, crown, roof."""
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(0.0, 80.0, (60_000, 2)), np.zeros(60_000)])
+    ground = 5.0 * np.sin(points[:, 0] / 20.0) + 0.3 * points[:, 1]
+    points[:, 2] = ground + rng.normal(0.0, 0.03, len(points))
+    kind = np.full(len(points), "ground")
+    distance, _ = cKDTree(rng.uniform(0.0, 80.0, (100, 2))).query(points[:, :2])
+    for name, chosen, low, high in (
+        ("crown", (distance < 3.0) & (rng.random(len(points)) < 0.8), 4.0, 12.0),
+        ("trunk", distance < 0.3, 0.2, 1.5),
+    ):
+        points[chosen, 2] = (ground + rng.uniform(low, high, len(points)))[chosen]
+        kind[chosen] = name
+    is_roof = (np.abs(points[:, :2] - [40.0, 40.0]) < [8.0, 5.0]).all(axis=1)
+    points[is_roof, 2], kind[is_roof] = 30.0, "roof"
+    return points, kind
+
+
+def test_of_a_forest_without_classes_the_ground_and_the_trunks_stay(tmp_path: Path) -> None:
+    points, kind = make_forest()
+    twice = np.full(len(points), 2)
+    path = write(tmp_path, "a.las", las(points, number_of_returns=twice))
+    kept = cKDTree(load_cloud(path).points).query(points)[0] < 0.002
+    assert kept[kind == "ground"].mean() > 0.98
+    assert kept[kind == "trunk"].mean() > 0.98
+    assert kept[kind == "crown"].mean() < 0.02
+    assert not kept[kind == "roof"].any()
+    # as the caller wants, or the file says
+    assert load_cloud(path, classes=(0, 1)).num_points == len(points)
+    classes = np.where(kind == "ground", 2, 1)
+    path = write(tmp_path, "b.las", las(points, classification=classes, number_of_returns=twice))
+    assert load_cloud(path).num_points == len(points)
+    assert load_cloud(write(tmp_path, "c.las", las(points))).num_points == len(points)
+
+
+def test_a_point_far_below_the_ground_and_a_narrow_scan_do_not_mislead(tmp_path: Path) -> None:
+    points, kind = make_forest()
+    points[::7000, 2] -= 30.0
+    heights = find_heights_above_ground(points)
+    assert (np.abs(heights[kind == "ground"]) < 2.0).mean() > 0.98
+    np.testing.assert_allclose(find_heights_above_ground(points[:1]), 0.0)
+    line = np.column_stack([np.linspace(0.0, 1e7, 50), np.zeros((50, 2))])
+    np.testing.assert_allclose(find_heights_above_ground(line), 0.0)
 
 
 @pytest.mark.data
