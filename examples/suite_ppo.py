@@ -26,7 +26,7 @@ from evolution._src.controllers.joints import count_tracks
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.baselines import LEARNING_SEED
 from evolution._src.suite.submission import Entry, fill_submission
-from evolution._src.suite.tasks import BUDGET, SEEDS, SUITE, SuiteTask, find_suite_task
+from evolution._src.suite.tasks import BUDGET, SUITE, SuiteTask, find_suite_task
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
 from symbrion_gym._src.robot.body_plans import organism_to_text
@@ -104,12 +104,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
+    parser.add_argument("--seeds", type=int, nargs="+", help="all of each task unless given")
     parser.add_argument("--tasks", nargs="+", default=[task.name for task in SUITE])
     parser.add_argument("--out", type=Path, default=Path("ppo.json"))
     options = parser.parse_args()
     torch.set_num_threads(1)
-    pairs = [(find_suite_task(name), seed) for seed in options.seeds for name in options.tasks]
+    tasks = [find_suite_task(name) for name in options.tasks]
+    pairs = [(task, seed) for task in tasks for seed in options.seeds or task.seeds]
     provenance = describe_origin() | {"method": "ppo", "settings": SETTINGS, "budget": BUDGET}
     done = fill_submission("ppo", train, pairs, provenance, options.out, lambda what, share: print(what))
     print(f"{options.out}: {len(done.entries)} entries")

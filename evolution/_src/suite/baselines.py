@@ -115,7 +115,7 @@ def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget
 
 def run_suite(
     method: str,
-    seeds: Sequence[int],
+    seeds: Sequence[int] = (),
     tasks: Sequence[str] = (),
     budget: float = BUDGET,
     workers: int = 1,
@@ -123,7 +123,7 @@ def run_suite(
     simulate: Simulate | None = None,
     out: Path | None = None,
 ) -> Submission:
-    """Return what a baseline finds for tasks, all unless some are named."""
+    """Return what a baseline finds for tasks, all unless some are named, with all their seeds unless given."""
     check_choice("method", method, tuple(METHODS), RunError)
     chosen = [find_suite_task(name) for name in tasks] or SUITE
     backend = make_backend("batch", workers, simulate=simulate)
@@ -131,7 +131,9 @@ def run_suite(
         return fill_submission(
             method if budget == BUDGET else f"{method}, {budget:g} s",
             lambda task, seed: run_baseline(method, task, seed, backend, budget),
-            [(task, seed) for seed in seeds for task in chosen],
+            sorted(
+                ((task, seed) for task in chosen for seed in seeds or task.seeds), key=lambda pair: pair[1]
+            ),
             describe_origin() | {"method": method, "budget": budget},
             out,
             progress,

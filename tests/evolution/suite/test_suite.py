@@ -21,7 +21,7 @@ from evolution._src.suite.baselines import METHODS, Practice, run_suite
 from evolution._src.suite.exam import TRIALS, Exam, Result, Score, hold_exam
 from evolution._src.suite.leaderboard import estimate, make_page, rank
 from evolution._src.suite.submission import Entry, Submission, fill_submission, load_submission
-from evolution._src.suite.tasks import SEEDS, SUITE, find_published_arena, find_suite_task, make_true_arena
+from evolution._src.suite.tasks import SUITE, find_published_arena, find_suite_task, make_true_arena
 from symbrion_gym._src.arenas.arena import Arena
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
@@ -116,7 +116,7 @@ def test_what_does_not_exist_or_suit_is_refused():
     with pytest.raises(RunError, match="method"):
         run_suite("moon", (0,), simulate=simulate)
     # before anything is run
-    with pytest.raises(RunError, match="the seed is 12; those of the suite are 0, 1"):
+    with pytest.raises(RunError, match="the seed is 12; those of the task are 0, 1"):
         run_suite("zero", (0, 12), simulate=lambda jobs, threads: pytest.fail("a search was begun"))
 
 
@@ -250,7 +250,7 @@ def job_law(job):
         ({"task": "moon"}, "no task 'moon'"),
         ({"body": "/etc/hostname"}, "the task gives"),
         ({"genotype": (0.0,) * 9}, "9 genes"),
-        ({"seed": -1}, "those of the suite"),
+        ({"seed": -1}, "those of the task"),
     ],
 )
 def test_entries_that_break_a_rule_are_refused(entry, changes, message):
@@ -287,7 +287,7 @@ def make_exam(entry, scores):
     results = [
         Result(
             name,
-            replace(entry, seed=SEEDS[number], genotype=(0.1 * number,) * 8),
+            replace(entry, seed=find_suite_task(TASK).seeds[number], genotype=(0.1 * number,) * 8),
             Score(1.0, 0),
             Score(float(number), each),
         )
@@ -306,12 +306,13 @@ def test_an_estimate_is_the_interquartile_mean_with_an_interval_that_narrows_wit
 
 
 def test_the_ranking_is_by_successes_in_the_truth_with_ties_and_no_place_without_one(tmp_path, entry):
+    count = len(find_suite_task(TASK).seeds)
     scores = {
-        "a": (0,) * 20,
-        "b": (7,) * 20,
-        "c": (7, 7, 6, 7, 8) * 4,
-        "d": (4,) * 20,
-        "few seeds": (10,) * 19,
+        "a": (0,) * count,
+        "b": (7,) * count,
+        "c": (7, 7, 6, 7, 8) * (count // 5),
+        "d": (4,) * count,
+        "few seeds": (10,) * (count - 1),
     }
     exam = make_exam(entry, scores)
     found = [(row.submission, row.place) for row in rank(exam)]

@@ -31,7 +31,7 @@ class BenchSuite(TrustingCommand):
     method: METHODS = "cmaes"
     """The baseline."""
     seeds: tuple[int, ...] = ()
-    """Seeds of the baseline; all of the suite, which are needed for a place on the board, unless given."""
+    """Seeds of the baseline; all of each task, which are needed for a place on the board, unless given."""
     tasks: tuple[str, ...] = ()
     """Tasks of run; all unless given."""
     budget: float | None = None
@@ -66,18 +66,18 @@ class BenchSuite(TrustingCommand):
     def _list(self, console: Console) -> dict[str, Any]:
         from evolution._src.suite.tasks import BUDGET, SUITE
 
-        rows = [[task.name, task.place, str(task.body)] for task in SUITE]
-        console.show_table(f"Tasks, {BUDGET:.0f} s each", ["task", "place", "body"], rows)
+        rows = [[task.name, task.place, str(task.body), str(len(task.seeds))] for task in SUITE]
+        console.show_table(f"Tasks, {BUDGET:.0f} s each", ["task", "place", "body", "seeds"], rows)
         return {"tasks": [task.name for task in SUITE], "budget": BUDGET}
 
     def _run(self, console: Console) -> dict[str, Any]:
         from evolution._src.suite.baselines import run_suite
-        from evolution._src.suite.tasks import BUDGET, SEEDS
+        from evolution._src.suite.tasks import BUDGET
 
-        seeds, budget = self.seeds or SEEDS, self.budget or BUDGET
+        budget = self.budget or BUDGET
         with console.track(f"Baseline {self.method}") as step:
             submission = run_suite(
-                self.method, seeds, self.tasks, budget, self.workers, step.progress, out=self.out
+                self.method, self.seeds, self.tasks, budget, self.workers, step.progress, out=self.out
             )
         console.print_line(f"{self.out}: {format_count(len(submission.entries), 'entry', 'entries')}")
         return {"out": self.out, "entries": len(submission.entries), "seconds": step.seconds}
