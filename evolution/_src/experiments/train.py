@@ -43,16 +43,14 @@ HALVES = ("arena", "other")  # Folders of both models: that of training, and tha
 RUN = "run"  # Folder of the evolution
 OUTPUTS = (*HALVES, RUN, PAGE)
 GENERATIONS = 30
-_ROUNDS, _SOLVED = (
-    (8, 16),
-    0.95,
-)  # Fewer trials of a candidate than in other runs: the champion is judged anew
 _SITE = 20.0  # Edge of the square of a larger scan that is used, about its middle [m]: a Scout drives 10 m in 100 s
 _SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
 _AGREE = 0.02
 """Models that are this near to each other confirm each other [m], as contact does that holds a robot."""
 _AS_SCANNED = Randomization(stretch=(1.0,))
 """Conditions of trials at a gap as wide as it was scanned: errors of the scan are those between the halves."""
+_CONFIRMED = Validation(rounds=(8, 16), solved_share=0.95)
+"""At a gap, where a trial is long, half as many trials as in other runs: the champion is judged anew."""
 _LOCALIZED = replace(_AS_SCANNED, start_offset=(-0.02, 0.02), yaw=(-0.0175, 0.0175))
 """Conditions of trials on a way: the robot knows where it starts to 2 cm and 1 degree, twice what the laser scans of
 the paper of 2011 tell. From there on it has its own tracks alone."""
@@ -247,15 +245,12 @@ def choose_task(
 ) -> EvolutionConfig:
     """Return the run that learns the site: to follow a way on ground that all models confirm, or to cross a gap."""
     common: dict[str, Any] = {"arena": str((folder / HALVES[0]).resolve()), "seed": seed, "workers": workers}
-    common |= {
-        "folder": str(folder / RUN),
-        "generations": GENERATIONS,
-        "validation": Validation(rounds=_ROUNDS, solved_share=_SOLVED),
-    }
+    common |= {"folder": str(folder / RUN), "generations": GENERATIONS}
     crossing = _find_crossing(arenas, body, start, goal)
     if crossing is not None:
         task = {} if start is None else {"task": "cross_gap", "start": start}
-        return EvolutionConfig(organism=crossing, randomization=_AS_SCANNED, **task, **common)
+        conditions = {"randomization": _AS_SCANNED, "validation": _CONFIRMED}
+        return EvolutionConfig(organism=crossing, **conditions, **task, **common)
     body = body or sg.snake(1)
     problem: ValueError = sg.ArenaError("no place of it is confirmed by both halves, with room around it")
     for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):

@@ -31,7 +31,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     film = play(champion, judged_in, seed, film=True)
     body, where = format_count(champion.modules, "module"), list(result.held)[-1]
     organism = champion.find_organism()
-    ground, route = arena.traversability(organism), _make_route(film.positions, organism.scout.size[2])
+    route = _make_route(film.positions, organism.scout.size[2])
     page = Page(
         "From a scan to a robot that drives there",
         summary="The readings of the scan are split into two halves that share none. Each becomes a model of the site. "
@@ -49,9 +49,10 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
     way = f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."
     page.add_section("The way", way)
-    layers, shown = ("surface", "route"), "the way that it drove"
+    layers, ground, shown = ("surface", "route"), None, "the way that it drove"
     if len(named) > 1:  # what leads over a gap is no ground that a body can drive on
-        layers, shown = ("surface", "drivable", "route"), f"ground that the body can drive on, and {shown}"
+        layers, ground = ("surface", "drivable", "route"), arena.traversability(organism)
+        shown = f"ground that the body can drive on, and {shown}"
     figure = draw_arena(arena, layers, ground, route, organism, has_plan=True)
     page.add_figure(to_png(figure, is_reduced=False), f"The site from two sides and from above: {shown}.")
     if film.frames:
