@@ -7,6 +7,7 @@ that is called often, the first calls are checked and some of the rest. Worker p
 import ast
 import functools
 import itertools
+import re
 import sys
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
@@ -67,12 +68,16 @@ class _Loader(SourceFileLoader):
         if chosen:
             place = next((i for i, node in enumerate(tree.body) if not _comes_first(node)), len(tree.body))
             tree.body.insert(place, ast.copy_location(_IMPORT, tree.body[max(place - 1, 0)]))
-        return compile(ast.fix_missing_locations(tree), path, "exec", dont_inherit=True, optimize=_optimize)
+            ast.fix_missing_locations(tree.body[place])
+        return compile(tree, path, "exec", dont_inherit=True, optimize=_optimize)
 
     def get_code(self, fullname: str) -> Any:
-        """Compile the source each time: bytecode on disk has no checks, and this shall not get there."""
+        """Compile each time what has checks: bytecode on disk has none, and this shall not get there."""
         path = self.get_filename(fullname)
-        return self.source_to_code(self.get_data(path), path)
+        source = self.get_data(path)
+        if not _NAMES.search(source):
+            return super().get_code(fullname)
+        return self.source_to_code(source, path)
 
 
 class _Finder(MetaPathFinder):
@@ -85,6 +90,7 @@ class _Finder(MetaPathFinder):
         return spec
 
 
+_NAMES = re.compile(rf"\b({'|'.join(ARRAYS | ALIASES)})\b".encode())
 _DECORATOR = ast.Name("_check_shapes", ast.Load())
 _IMPORT = ast.ImportFrom("shape_checks", [ast.alias("check_shapes", "_check_shapes")], 0)
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 import venv
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -66,10 +67,13 @@ def _normalize(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", match[0]).lower()
 
 
+find_distributions = cache(packages_distributions)
+
+
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_extras_bring_what_the_code_asks_for(extra: str) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    known = {"warp": ["warp-lang"], **packages_distributions()}  # where the extra gpu is not installed
+    known = {"warp": ["warp-lang"], **find_distributions()}  # where the extra gpu is not installed
     brought = {_normalize(line) for line in project["optional-dependencies"][extra]}
     assert {_normalize(known.get(module, [module])[0]) for module in EXTRAS[extra]} == brought
     assert not brought & {_normalize(line) for line in project["dependencies"]}

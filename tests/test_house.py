@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from pathlib import Path
@@ -40,10 +41,15 @@ MAY_WRITE = {
 }
 
 
+@cache
+def parse(module: str) -> ast.Module:
+    return ast.parse(SOURCES[module])
+
+
 def find_imports(module: str) -> set[str]:
     """Return the modules of this project that a module imports, at any depth and for type checkers, too."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(SOURCES[module])):
+    for node in ast.walk(parse(module)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -53,14 +59,16 @@ def find_imports(module: str) -> set[str]:
     return {name for name in found if name.partition(".")[0] in PACKAGES} - {module}
 
 
-IMPORTS = {module: find_imports(module) for module in SOURCES}
+@cache
+def find_all_imports() -> dict[str, set[str]]:
+    return {module: find_imports(module) for module in SOURCES}
 
 
 def find_circle(folder: str) -> list[str]:
     """Return modules and folders of a folder that import each other in a circle."""
     depth = folder.count(".") + 2
     graph: dict[str, set[str]] = {}
-    for importer, imported in ((a, b) for a, names in IMPORTS.items() for b in names):
+    for importer, imported in ((a, b) for a, names in find_all_imports().items() for b in names):
         ends = [".".join(name.split(".")[:depth]) for name in (importer, imported)]
         if all(name.startswith(f"{folder}.") for name in ends) and ends[0] != ends[1]:
             graph.setdefault(ends[0], set()).add(ends[1])
@@ -73,7 +81,7 @@ def find_circle(folder: str) -> list[str]:
 
 def test_imports_run_from_evolution_to_reconstruction():
     order = {package: place for place, package in enumerate(PACKAGES)}
-    for module, names in IMPORTS.items():
+    for module, names in find_all_imports().items():
         own = order[module.partition(".")[0]]
         assert all(order[name.partition(".")[0]] >= own for name in names), (
             f"{module} imports a later package"
@@ -83,7 +91,7 @@ def test_imports_run_from_evolution_to_reconstruction():
 def test_the_base_imports_nothing_of_the_project_but_itself():
     base = "reconstruction._src.base"
     for module in (name for name in SOURCES if name.startswith(f"{base}.")):
-        assert all(name.startswith(base) for name in IMPORTS[module]), module
+        assert all(name.startswith(base) for name in find_imports(module)), module
 
 
 def test_only_symbrion_gym_calls_mujoco():
@@ -108,7 +116,7 @@ def test_the_house_has_few_rooms_and_floors(package):
 
 def test_a_circle_is_found(monkeypatch):
     names = ["p._src.low.a", "p._src.high.b", "p._src.high.c", "p._src.low.d"]
-    monkeypatch.setitem(globals(), "IMPORTS", {a: {b} for a, b in pairwise(names)})
+    monkeypatch.setitem(globals(), "find_all_imports", lambda: {a: {b} for a, b in pairwise(names)})
     assert set(find_circle("p._src")) == {"p._src.low", "p._src.high"}
     assert not find_circle("p._src.high")
 
@@ -127,19 +135,15 @@ def test_public_names_are_few_and_described():
 
 
 def test_each_module_begins_with_what_it_is():
-    missing = [
-        name for name, text in SOURCES.items() if text.strip() and not ast.get_docstring(ast.parse(text))
-    ]
-    assert not missing
+    assert not [name for name, text in SOURCES.items() if text.strip() and not ast.get_docstring(parse(name))]
 
 
 def test_files_are_written_by_one_function():
     """Through `write_atomically`, so that none is ever half-written; each exception is named with its reason."""
     for module, text in SOURCES.items():
-        tree = ast.parse(text)
         calls = {
             node.func.attr
-            for node in ast.walk(tree)
+            for node in ast.walk(parse(module))
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
         }
         writes = calls & WRITERS

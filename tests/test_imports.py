@@ -80,6 +80,7 @@ def test_many_environments_on_the_processor_load_nothing_of_the_gpu() -> None:
     assert not find_loaded(program) & {"mujoco_warp", "torch", "warp"}
 
 
+@pytest.mark.slow
 def test_evaluation_on_the_processor_loads_nothing_of_the_gpu() -> None:
     program = (
         "import evolution as ev; ev.evaluate([[0.0]], arena='truth', modules=2, controller='posture', trials=1, "

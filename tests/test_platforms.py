@@ -46,10 +46,11 @@ GUARDED = {
 
 def find_posix(source: str) -> set[str]:
     """Return the modules and names in a source that Windows lacks."""
-    tree = ast.parse(source)
-    found = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)} & POSIX_NAMES
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Attribute):
+            found |= {node.attr} & POSIX_NAMES
+        elif isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names} & POSIX_MODULES
         elif isinstance(node, ast.ImportFrom):
             found |= {node.module or ""} & POSIX_MODULES

@@ -149,6 +149,7 @@ def test_a_robot_at_rest_on_a_slope_hardly_creeps(modules: int) -> None:
     assert measure_creep(World(modules=modules), np.radians(20.0)) < 1.1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", FRICTION_LIMITS)
 def test_no_friction_that_is_allowed_lets_a_snake_sink(friction: float) -> None:
     assert measure_sinking(friction, episodes=2).deepest < 0.01

@@ -52,6 +52,7 @@ def test_a_room_looks_inwards_with_a_viewpoint_and_outwards_without(caplog):
     assert "no viewpoint" in caplog.text
 
 
+@pytest.mark.slow
 def test_coordinates_far_away_are_recentered_and_come_back():
     points = make_ground()
     near = reconstruct(points, units=150, viewpoints=[0, 0, 2])

@@ -26,6 +26,7 @@ def test_an_even_cloud_has_twenty_samples_a_unit():
     assert choose_units(make_floor(4)) == 4
 
 
+@pytest.mark.slow
 def test_an_uneven_cloud_has_more_and_the_scale_does_not_matter():
     points = make_scan(40_000)
     number = choose_units(points)

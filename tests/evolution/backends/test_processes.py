@@ -24,6 +24,7 @@ def make_pool():
         pool.close()
 
 
+@pytest.mark.slow
 def test_processes_give_what_the_batch_gives_and_genotypes_travel_exactly(make_pool):
     jobs = toys.make_jobs()
     jobs[0] = jobs[0]._replace(genotype=np.nextafter(jobs[0].genotype, 1.0))
@@ -34,6 +35,7 @@ def test_processes_give_what_the_batch_gives_and_genotypes_travel_exactly(make_p
     assert pool.run([]) == []
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_costs_nothing(make_pool, tmp_path, monkeypatch):
     monkeypatch.setenv(toys.MARK, str(tmp_path / "mark"))
     jobs = toys.make_jobs()
@@ -53,6 +55,7 @@ def test_a_worker_killed_between_generations_is_replaced(make_pool):
     assert victim not in pool.process_ids
 
 
+@pytest.mark.slow
 def test_a_genotype_that_kills_its_workers_is_recorded(make_pool):
     jobs = toys.make_jobs(6)
     outcomes = make_pool(toys.deadly).run(jobs)
@@ -61,6 +64,7 @@ def test_a_genotype_that_kills_its_workers_is_recorded(make_pool):
     assert any(outcome.error for outcome in outcomes)
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_the_run_comes_through_from_a_worker(make_pool, monkeypatch):
     with pytest.raises(RunError, match="no such arena"):
         make_pool(toys.wrong_run).run(toys.make_jobs())
@@ -70,6 +74,7 @@ def test_what_is_wrong_with_the_run_comes_through_from_a_worker(make_pool, monke
         pool.run(toys.make_jobs())
 
 
+@pytest.mark.slow
 def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
     """A cluster that has lost a node has no room for as many as before."""
     jobs = toys.make_jobs()

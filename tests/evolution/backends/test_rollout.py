@@ -86,6 +86,7 @@ def test_processes_agree_to_the_bit():
         backend.close()
 
 
+@pytest.mark.slow
 def test_diverged_physics_affects_its_genotype_only(monkeypatch):
     jobs = make_jobs()
     expected = simulate(jobs, 1)
@@ -107,6 +108,7 @@ def test_an_arena_that_is_not_there_is_an_error_not_a_bad_genotype():
         evaluate(np.zeros(8), arena="nowhere")
 
 
+@pytest.mark.slow
 def test_environments_follow_the_config_and_the_options(monkeypatch):
     environments = OrderedDict()
     monkeypatch.setattr(rollout, "_environments", environments)

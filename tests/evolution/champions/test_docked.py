@@ -27,6 +27,7 @@ def make_champion(modules, value=0.0):
     )
 
 
+@pytest.mark.slow
 def test_docked_robots_drive_ahead_together():
     world, _ = make_docked(3)
     driver = DockedChampion(make_champion(3), world, [0, 1, 2], start=-1.8)

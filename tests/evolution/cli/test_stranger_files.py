@@ -38,6 +38,7 @@ def folder(saved, tmp_path):
     return Path(shutil.copytree(saved, tmp_path / "run"))
 
 
+@pytest.mark.slow
 def test_every_field_of_a_config_is_checked(folder):
     path = folder / "config.json"
     content = {"config": json.loads(path.read_text())["config"]}

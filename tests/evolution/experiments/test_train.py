@@ -76,6 +76,7 @@ def test_a_part_of_a_scan_is_cropped_or_refused(tmp_path, capsys, name, box, mes
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "ends", "modules", "controller"),
     [

@@ -35,6 +35,7 @@ def compute_share(pixels: np.ndarray, channel: int) -> float:
     return float((pixels[..., channel] - others > 25).mean())
 
 
+@pytest.mark.slow
 def test_layers_have_their_colors(truth: sg.Arena) -> None:
     surface, ground = draw(truth, "surface"), draw(truth, "surface", "drivable")
     assert compute_share(surface, 1) == 0.0
@@ -47,6 +48,7 @@ def test_layers_have_their_colors(truth: sg.Arena) -> None:
     assert ((route[..., 0] > 120) & (route[..., 1] < 40)).sum() > 100
 
 
+@pytest.mark.slow
 def test_colors_of_a_scan_are_grays_below_other_layers() -> None:
     arena = sg.Arena.from_course(sg.Course(color_pattern="gradient"))
     assert (np.ptp(draw(arena, "surface"), axis=2) > 60).mean() > 0.2
@@ -58,6 +60,7 @@ def test_colors_of_a_scan_are_grays_below_other_layers() -> None:
     assert abs(compute_share(ground, 1) - compute_share(plain, 1)) < 0.05
 
 
+@pytest.mark.slow
 def test_the_plan_has_coordinates_a_robot_and_a_way(truth: sg.Arena) -> None:
     route = truth.find_route()
     figures = [

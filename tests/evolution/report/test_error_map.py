@@ -48,6 +48,7 @@ def test_exact_contact_is_gray_a_bump_red_and_a_gap_blue() -> None:
     assert blue > 0.02
 
 
+@pytest.mark.slow
 def test_a_ceiling_does_not_hide_the_room() -> None:
     room = make_box([0, 0, 0], [4, 3, 2])
     room.invert()
@@ -57,6 +58,7 @@ def test_a_ceiling_does_not_hide_the_room() -> None:
     assert red > 0.02
 
 
+@pytest.mark.slow
 def test_a_height_field_and_no_piece_are_drawn() -> None:
     field = HeightField(np.full((5, 9), 0.2), np.array([0.0, 0.0]), np.array([4.0, 2.0]))
     arena = sg.Arena("field", [], GROUND, QUALITY, kind="hfield", height_field=field)

@@ -77,6 +77,7 @@ def test_a_run_with_an_own_scoring_is_resumed_as_if_it_had_never_stopped(own, tm
         assert all(entry.fitness == 8 - entry.outcome.effort for entry in whole.record.entries)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", [{"task": "cross_gap"}, {"task": own_task.TASK, "environment": ()}])
 def test_a_run_with_a_task_is_resumed_and_its_champion_judged_elsewhere(task, tmp_path):
     config = replace(REAL, trials=1, **task)
@@ -89,6 +90,7 @@ def test_a_run_with_a_task_is_resumed_and_its_champion_judged_elsewhere(task, tm
     assert judge(champion, "truth", 2, allow=ALLOW) == judge(whole.champion, "truth", 2)
 
 
+@pytest.mark.slow
 def test_outcomes_keep_what_is_asked_of_every_trial_and_so_does_a_record(tmp_path):
     names = ("pose", "extremes", "contacts", "trajectory", find_head)
     options = {"modules": 3, "duration": 1.0, "trials": 2}

@@ -89,6 +89,7 @@ def compiled(monkeypatch):
     return sizes
 
 
+@pytest.mark.slow
 def test_the_second_call_compiles_nothing(compiled):
     genotypes = np.random.default_rng(0).uniform(-0.5, 0.5, (10, 8))
     with Evaluator(**SHORT) as evaluator:
@@ -98,6 +99,7 @@ def test_the_second_call_compiles_nothing(compiled):
     assert compiled == [12, 12]  # one for each stretch
 
 
+@pytest.mark.slow
 def test_worker_processes_stay_between_calls():
     with Evaluator(backend="processes", workers=2, simulate=toys.bowl) as evaluator:
         one = evaluator(np.zeros((4, 8)))
@@ -165,6 +167,7 @@ def test_evaluate_refuses(options, message):
         evaluate(**{"genotypes": np.zeros(8), "simulate": toys.bowl} | options)
 
 
+@pytest.mark.slow
 def test_bodies_are_numbers_or_organisms():
     by_number = evaluate(np.zeros(8), **SHORT)
     assert by_number.outcomes == evaluate(np.zeros(8), **SHORT | {"modules": snake(4)}).outcomes

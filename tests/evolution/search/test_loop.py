@@ -88,6 +88,7 @@ def test_history_follows_from_the_entries(simulate):
     assert np.all(np.diff(run.history["wall_seconds"]) >= 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("backend", "workers"), [("batch", 4), ("processes", 2)])
 def test_equal_seeds_give_equal_runs_on_any_backend(backend, workers):
     config = replace(TOY, generations=8)

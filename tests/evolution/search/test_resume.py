@@ -22,6 +22,7 @@ from evolution._src.search.run import RECORD
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {"population_size": 4, "generations": 12}, {"restart_after": 3}])
 def test_a_resumed_run_equals_an_uninterrupted_one(changes, tmp_path):
     config = replace(TOY, **changes)
@@ -78,6 +79,7 @@ def test_a_changed_history_is_noticed_in_replay(run, tmp_path):
             load_run(tmp_path)
 
 
+@pytest.mark.slow
 def test_runtime_fields_may_change_and_those_that_decide_results_may_not(run, tmp_path):
     changes = {
         "generations": 4,

@@ -124,6 +124,7 @@ def test_a_config_that_contradicts_the_record_is_refused(folder):
         resume(folder, simulate=toys.bowl)
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_gives_the_same_record_or_a_clear_error(finished):
     content = (finished / "record.npz").read_bytes()
     record, digest = Record.from_bytes(content, "record.npz")

@@ -194,6 +194,7 @@ def test_long_lines_are_read_a_few_at_a_time(tmp_path: Path) -> None:
 PLY = "ply\nformat binary_little_endian 1.0\n{}element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "start", "line"),
     [("a.ply", PLY.format(""), "element a 0\n"), ("a.pcd", "# .PCD v0.7\n", "{:x} 0\n")],

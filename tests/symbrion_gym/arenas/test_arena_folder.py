@@ -48,6 +48,7 @@ def edit(path: Path, **changes) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
 
 
+@pytest.mark.slow
 def test_every_field_of_a_description_is_checked(folder):
     path = folder / "arena.json"
     content = json.loads(path.read_text())

@@ -42,6 +42,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "entry.npz"
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_gives_the_same_contact_or_none(path: Path, caplog) -> None:
     num_refused = 0
     for damaged in flip_bits(path.read_bytes(), 800):

@@ -102,6 +102,7 @@ def test_a_damaged_folder_is_refused(
         sg.Arena.load(tmp_path / "ball")
 
 
+@pytest.mark.slow
 def test_kind_and_primitives_go_together(arena: sg.Arena) -> None:
     with pytest.raises(sg.ArenaError, match="'mixed' has primitives"):
         replace(arena, primitives=None)

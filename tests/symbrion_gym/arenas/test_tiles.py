@@ -38,6 +38,7 @@ def test_the_tiles_near_a_place_become_an_arena(folder):
     assert arena.quality.mean < 0.003
 
 
+@pytest.mark.slow
 def test_seams_inside_of_an_arena_are_closed(folder):
     arena = sg.load_tiles(folder, (4.0, 4.0), 1.0, kind="hfield", cache=False)
     assert np.allclose(arena.surface.bounds[:, :2], [[0, 0], [8, 8]])

@@ -52,6 +52,7 @@ def test_a_scanned_course_becomes_few_boxes(mesh):
     )
 
 
+@pytest.mark.slow
 def test_boxes_are_refused_where_they_move_the_ground(mesh, monkeypatch):
     monkeypatch.setattr(builder, "turn_into_boxes", shift)
     contact = make_contact(mesh, ContactOptions(), ACCURACY)

@@ -13,6 +13,7 @@ PIT = "symbrion_gym/SnakePit-v1"
 VECTOR = {"vectorization_mode": "vector_entry_point"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("reason", "action", "options"),
     [

@@ -85,6 +85,7 @@ def test_corners_are_passed_by_the_estimate():
     assert read(env, run(env, (0.0, 0.0), 5))[1] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [1, "cross"])
 def test_single_and_many_are_equal_to_the_bit(body):
     options = {**LONE, "task": "reach", "distance": 0.5, "arena": "gsrm", "organism": body}

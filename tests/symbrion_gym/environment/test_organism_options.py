@@ -11,6 +11,7 @@ from symbrion_gym._src.robot.scout_constants import ScoutConfig
 SLOW = ScoutConfig(hinge_torque=3.0, friction=0.3)
 
 
+@pytest.mark.slow
 def test_the_option_takes_whatever_describes_a_body(tmp_path):
     plan = tmp_path / "body.txt"
     plan.write_text("SBSFSBSF00000000", encoding="utf-8")

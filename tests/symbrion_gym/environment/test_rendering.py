@@ -70,6 +70,7 @@ def test_vector_environments_draw_each_simulation():
     envs.close()
 
 
+@pytest.mark.slow
 def test_gymnasium_records_a_video(tmp_path):
     pytest.importorskip("moviepy", reason="the extra video is not installed")
     env = gym.make("symbrion_gym/SnakePit-v1", arena="truth", modules=3, render_mode="rgb_array")

@@ -23,6 +23,7 @@ from symbrion_gym._src.robot.scout_constants import SensorNoise
 EXTRA_SENSORS = ("odometry", "track_odometry", "laser", "hinge_target", "dock_force")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(ENVIRONMENTS))
 def test_every_id_passes_the_checker_without_warnings(name):
     with warnings.catch_warnings():
@@ -267,12 +268,14 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_bytes_in_another_process(capsys):
     exec(EPISODE, {})
     again = subprocess.run([sys.executable, "-c", EPISODE], capture_output=True, text=True, check=True)
     assert again.stdout == capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["snake_pit", "reach"])
 def test_a_deep_copy_ends_and_is_rewarded_alike_and_goes_its_own_way(task):
     env = OrganismEnv(arena="gsrm" if task == "reach" else "truth", task=task, modules=2, stuck_time=2.0)

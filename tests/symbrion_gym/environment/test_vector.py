@@ -24,6 +24,7 @@ RESET = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("threads", "options"),
     [

@@ -68,6 +68,7 @@ def test_an_accepted_robot_docks_behind_the_seed_and_both_part_when_told(pose) -
     assert (swarm.world.state.position[:, 0] > before + 0.1).all()
 
 
+@pytest.mark.slow
 def test_the_robot_that_meets_the_pit_drives_back_to_the_floor_and_recruits() -> None:
     swarm = make_swarm([[-0.6, 0.2, 0.1]], None, sg.load_arena("truth"))
     run(swarm, 90.0, lambda swarm: swarm.memory.mode[0] == Mode.RECRUIT)

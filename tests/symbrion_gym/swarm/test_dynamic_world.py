@@ -49,6 +49,7 @@ def test_tracks_drive_and_turn():
     np.testing.assert_allclose(world.state.odometry, 10 * 0.1 * commands.tracks)
 
 
+@pytest.mark.slow
 def test_a_row_becomes_the_organism_of_snake_to_the_last_digit():
     world, _ = make_docked(3)
     (tree,) = world.assembly.layout.trees
@@ -74,6 +75,7 @@ def test_a_weld_holds_the_pose_in_which_docks_latched_and_pulls_them_to_the_exac
     assert [compute_share(time) for time in (0.0, MATING_TIME / 2, MATING_TIME, 9.0)] == [1.0, 0.5, 0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_neither_joining_nor_parting_jumps(monkeypatch):
     world, changes = make_world(make_row(3, gap=0.006)), []
 
@@ -113,6 +115,7 @@ def test_free_arms_of_an_organism_fold_unless_their_dock_is_to_latch():
     assert not world.assembly.layout.trees[0].is_organism
 
 
+@pytest.mark.slow
 def test_an_organism_is_read_as_one_and_hinges_lift_what_is_docked():
     world, commands = make_docked(3)
     run(world, commands, 5)

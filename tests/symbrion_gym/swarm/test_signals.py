@@ -41,6 +41,7 @@ def test_a_unit_at_one_meter_reads_the_gain():
     assert compute_readings(np.zeros(3), x, x, x) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.0, 0.3, 0.45, 0.8, 1.3])
 def test_light_reaches_as_far_as_it_is_read(angle):
     """A robot that looks at a beacon reads it wherever its units would, near the axis of the light and to its sides."""

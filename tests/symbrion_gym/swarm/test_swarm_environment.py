@@ -34,6 +34,7 @@ def test_passes_the_tests_of_pettingzoo(fidelity: str) -> None:
         parallel_seed_test(make, num_cycles=15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fidelity", LEVELS)
 def test_robots_dock_drive_and_part_at_every_fidelity(fidelity: str) -> None:
     env = swarm_v0.parallel_env(arena="truth", num_robots=3, fidelity=fidelity)

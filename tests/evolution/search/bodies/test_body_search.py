@@ -54,6 +54,7 @@ def whole(tmp_path_factory):
     return evolve(make_config(folder=tmp_path_factory.mktemp("whole")), simulate=landscape)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     config = make_config(bodies=replace(BODIES, algorithm=algorithm), iterations=2)
@@ -124,6 +125,7 @@ def test_the_fitness_of_a_body_is_that_of_its_exam(whole):
     assert all(result.trials == LEARNING.exam_trials for result in whole.results)
 
 
+@pytest.mark.slow
 def test_progress_counts_the_trials_of_an_iteration_and_of_a_resumed_run_begins_where_it_stands(tmp_path):
     evolve(make_config(folder=tmp_path, iterations=2), simulate=landscape)
     told = []

@@ -114,6 +114,7 @@ def test_any_interruption_gives_the_same_files(whole, tmp_path):
         assert read_files(folder) == read_files(whole.folder)
 
 
+@pytest.mark.slow
 def test_a_longer_run_is_confirmed_again_and_a_shorter_one_refused(whole, tmp_path):
     short = search(tmp_path / "parts", iterations=1)
     assert ev.load_bodies(tmp_path / "parts").confirmation is not None
