@@ -9,7 +9,8 @@ setup: .venv/.installed
 
 .venv/.installed: EXTRAS := dev
 .venv/.demo: EXTRAS := cli,report,scan
-.venv/.installed .venv/.demo: pyproject.toml constraints.txt
+.venv/.test: EXTRAS := test
+.venv/.installed .venv/.demo .venv/.test: pyproject.toml constraints.txt
 	test -x $(RUN) || $(PYTHON) -m venv .venv
 	$(INSTALL) -e .[$(EXTRAS)]
 	touch $@
@@ -18,7 +19,7 @@ setup: .venv/.installed
 demo: .venv/.demo
 	$(RUN) -m evolution demo --out demo
 
-test: setup
+test: .venv/.test
 	$(RUN) -m pytest -m "not slow and not long" -n 2 --dist loadfile
 
 test-slow: setup

@@ -102,7 +102,7 @@ def test_constraints_pin_what_is_declared() -> None:
         "versions alone, no addresses"
     )
     pinned = {_normalize(line) for line in lines}
-    groups = ("cli", "scan", "report", "embree", "docs", "dev")
+    groups = ("cli", "scan", "report", "embree", "docs", "test", "dev")
     wanted = [
         *project["dependencies"],
         *(one for name in groups for one in project["optional-dependencies"][name]),

@@ -25,7 +25,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
-CORE, TOOLS = "core", frozenset({"dev", "docs"})
+CORE, TOOLS = "core", frozenset({"test", "dev", "docs"})
 PART = "parts under"
 
 POLICY = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
