@@ -36,8 +36,7 @@ def claim_folder(folder: Path, marker: str, options: dict[str, Any], outputs: It
     if found != options:
         names = [name for name in options if not isinstance(found, dict) or found.get(name) != options[name]]
         raise RunError(
-            f"{path} describes other options ({', '.join(names)}) than {options}; name another folder, or remove this "
-            "one"
+            f"{path} describes other options ({', '.join(names)}); name another folder, or remove this one"
         )
 
 

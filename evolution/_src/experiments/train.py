@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 Site = rc.ScanLog | rc.Cloud | sg.Arena  # What a robot is to drive in, as it was read
 Place = tuple[float, ...]  # (x, y) [m]
+
+logger = logging.getLogger(__name__)
 
 MARKER, PAGE = "train.json", "report.html"
 HALVES = ("arena", "other")  # Folders of both models: that of training, and that which checks it
@@ -126,7 +129,8 @@ def train(
     options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
     claim_folder(folder, MARKER, {"scan": _digest(site), "seed": seed, **options}, OUTPUTS)
     with lock_folder(folder):
-        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6))
+        ends = [place[:2] for place in (start, goal) if place is not None]
+        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6), ends)
         verdict = arenas[0].verdict
         if verdict.answer == "no":
             raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
@@ -184,27 +188,33 @@ def split_readings(site: rc.ScanLog | rc.Cloud) -> list[Any]:
     return [site.select(number % 2 == k) for k in range(2)]
 
 
-def _crop(site: rc.Cloud) -> rc.Cloud:
-    """Return the part of a large cloud about its middle in plan."""
+def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
+    """Return the part of a large cloud about the ends of a way, or where none is given about its middle, in plan."""
     low, high = site.points.min(axis=0), site.points.max(axis=0)
-    if (high - low)[:2].max() <= _SITE:
+    width, depth, _ = high - low
+    if max(width, depth) <= _SITE:
         return site
-    middle = np.median(site.points[:, :2], axis=0)
+    middle = np.mean(ends, axis=0) if ends else np.median(site.points[:, :2], axis=0)
+    text = "of %.0f m x %.0f m the %g m around (%.1f, %.1f) are used; --start and --goal choose another part"
+    logger.warning(text, width, depth, _SITE, *middle)
     low[:2], high[:2] = np.maximum(low[:2], middle - _SITE / 2), np.minimum(high[:2], middle + _SITE / 2)
     return rc.crop(site, [low, high])
 
 
-def make_models(site: Site, folder: Path, seed: int, progress: Progress = silent) -> list[sg.Arena]:
+def make_models(
+    site: Site, folder: Path, seed: int, progress: Progress = silent, ends: Sequence[Place] = ()
+) -> list[sg.Arena]:
     """Return the models of both halves of a site, or its one arena; from the folder where they are in it.
 
-    The faces of each that the other does not confirm are `unseen`.
+    Of a large site they are of the part around the `ends` of a way, or of its middle. The faces of each that the other
+    does not confirm are `unseen`.
     """
     folders = [folder / name for name in HALVES[: 1 if isinstance(site, sg.Arena) else 2]]
     if not (folders[0] / "arena.json").is_file():  # which is written last
         if isinstance(site, sg.Arena):
             made = [site]
         else:
-            halves = split_readings(_crop(site) if isinstance(site, rc.Cloud) else site)
+            halves = split_readings(crop_large(site, ends) if isinstance(site, rc.Cloud) else site)
             made = [
                 _make_model(half, seed + k, HALVES[k], _part(progress, k / 2, (k + 1) / 2))
                 for k, half in enumerate(halves)

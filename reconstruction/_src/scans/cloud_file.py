@@ -118,7 +118,7 @@ def load_cloud(
     cloud = _make_cloud(path, raw, unit, up, scale, viewpoints)
     if raw.has_cover:
         is_near = find_heights_above_ground(cloud.points) <= _TALLEST
-        text = "%s: no point has a class; dropped %d more than %g m above the ground, kept %d; classes=(0, 1) keeps all"
+        text = "%s: no point has a class; dropped %d more than %g m above the ground, kept %d; classes 0 1 keep all"
         _logger.warning(text, path, (~is_near).sum(), _TALLEST, is_near.sum())
         cloud = cloud.select(is_near)
     odd = None if any_size else describe_odd_size(cloud.points)

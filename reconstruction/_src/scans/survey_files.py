@@ -77,6 +77,8 @@ def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoin
                 colors[chosen] = chunk.rows[:, 3:]
     if num_read != count:
         raise ScanError(f"the header promises {count} points, the data hold {num_read}")
+    if classes is not None and num_read and not num_kept:
+        raise ScanError(f"no point is of class {', '.join(map(str, classes))}; give other classes, or none")
     points[:, 2] *= height_factor
     return RawPoints(
         points[:num_kept],

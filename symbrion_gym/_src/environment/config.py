@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from jaxtyping import Float
 
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.range_checks import (
@@ -33,6 +34,24 @@ if TYPE_CHECKING:
 SCOUT_OPTIONS = tuple(SCOUT_LIMITS)
 """Options that are constants of the modules too."""
 _DEFAULTS = {entry.name: entry.default for entry in fields(ScoutConfig)}
+
+
+def read_random_range(name: str, value: Any) -> Float[np.ndarray, " n"]:
+    """Return the one value, or the lowest and highest, that a reset option has or is drawn from."""
+    low, high = RANDOM_LIMITS[name]
+    try:
+        bounds = np.asarray(value, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        bounds = np.zeros(0)
+    if len(bounds) not in (1, 2) or not (
+        np.isfinite(bounds).all() and low <= bounds.min() and bounds.max() <= high
+    ):
+        raise OptionError(
+            f"{name} must be a number or a pair (low, high) within {low:g} to {high:g}, got {value!r}"
+        )
+    if bounds[0] > bounds[-1]:
+        raise OptionError(f"{name}: the range {value!r} is upside down")
+    return bounds
 
 
 def check_organism_options(given: Mapping[str, Any]) -> None:
@@ -151,6 +170,8 @@ class EnvironmentConfig:
         if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
             raise OptionError(f"sensors must be a sequence of names, got {self.sensors!r}")
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(map(_read_sensor, self.sensors))))
+        if not self.sensors:
+            raise OptionError(f"sensors is empty; give at least one of {', '.join(SENSORS)}")
         if len(set(self.sensor_names)) < len(self.sensors):
             raise OptionError(f"two sensors have one name in {self.sensor_names}")
         if self.recorders:
@@ -162,8 +183,9 @@ class EnvironmentConfig:
                 f"course is {self.course!r}; sizes by name are needed, as {{'pit': 0.5}}; for a Course give "
                 "arena=Arena.from_course(course)"
             )
-        for name in self.randomize:
+        for name, value in self.randomize.items():
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
+            read_random_range(name, value)
 
     @property
     def sensor_names(self) -> tuple[str, ...]:

@@ -100,7 +100,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     |-----------------------|-----------|-----------------------------------------------------------------|
     | `arena`               | "truth"   | a name, a folder, a mesh file or an `Arena`                     |
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
-    | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
+    | `pit`                 | None      | width of the pit [m], of `truth` and `simple`; `default_pit` if None |
     | `default_pit`         | None      | None: 0.45 m                                                    |
     | `course`              | {}        | sizes of an arena made in code, of `Course` or `StairsCourse`   |
     | `default_course`      | {}        | name of such an arena -> sizes that an id sets                  |

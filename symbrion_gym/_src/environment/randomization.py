@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from reconstruction._src.base.range_checks import check_choice
-from symbrion_gym._src.environment.config import RANDOM_LIMITS, RANDOM_OPTIONS
+from symbrion_gym._src.environment.config import RANDOM_OPTIONS, read_random_range
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.tracks import compute_surface_velocity
@@ -58,19 +58,7 @@ def draw_domain(world: World, options: Mapping[str, Any], rng: np.random.Generat
 
 
 def _draw(name: str, value: Any, rng: np.random.Generator) -> float:
-    low, high = RANDOM_LIMITS[name]
-    try:
-        bounds = np.asarray(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
-        bounds = np.zeros(0)
-    if len(bounds) not in (1, 2) or not (
-        np.isfinite(bounds).all() and low <= bounds.min() and bounds.max() <= high
-    ):
-        raise OptionError(
-            f"{name} must be a number or a pair (low, high) within {low:g} to {high:g}, got {value!r}"
-        )
-    if bounds[0] > bounds[-1]:
-        raise OptionError(f"{name}: the range {value!r} is upside down")
+    bounds = read_random_range(name, value)
     return float(bounds[0] if len(bounds) == 1 else rng.uniform(bounds[0], bounds[1]))
 
 

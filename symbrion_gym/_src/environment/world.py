@@ -54,7 +54,7 @@ def find_arena(config: EnvironmentConfig) -> Arena:
     if config.pit is not None and getattr(found.course, "pit", None) != config.pit:
         raise ArenaError(
             f"the pit of arena {found.name!r} cannot be set to {config.pit}, as it has its own pit; pit={config.pit} "
-            "works with named courses only"
+            "works with the courses made in code: truth, simple"
         )
     return found
 

@@ -134,7 +134,9 @@ def find_traversability(
     Equal arenas give bit-identical maps.
     """
     if not len(surface.faces) or (not pieces and height_field is None):
-        raise ArenaError("an arena without surface or contact geometry has no ground to drive on")
+        raise ArenaError(
+            "an arena without surface that was seen, or without contact, has no ground to drive on"
+        )
     low, high = np.asarray(surface.bounds, dtype=np.float64)[:, :2]
     grid = make_grid(low, high, footprint.width / 2, _MAX_CELLS)
     if grid.cell > footprint.width:

@@ -1,5 +1,6 @@
 """`symbrion arena` and `symbrion view`: honest tables, warnings, pictures, exit codes."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+import symbrion_gym as sg
 from evolution._src.cli.main import run
 
 
@@ -74,6 +76,14 @@ def test_pictures(sheet):
     seen = sheet.parent / "seen.png"
     assert run(["view", str(sheet.parent / "out"), "--picture", str(seen), "--quiet"]) == 0
     assert Image.open(seen).size[0] > 500
+
+
+def test_an_arena_that_nobody_saw_is_drawn_without_a_way(tmp_path, capsys):
+    arena = sg.load_arena("gsrm")
+    dataclasses.replace(arena, unseen=tuple(range(len(arena.surface.faces)))).save(tmp_path / "a")
+    assert run(["view", str(tmp_path / "a"), "--picture", str(tmp_path / "a.png")]) == 0
+    assert "no route: an arena without surface that was seen" in capsys.readouterr().out
+    assert Image.open(tmp_path / "a.png").size[0] > 500
 
 
 @pytest.mark.slow

@@ -170,6 +170,17 @@ def test_evolve_then_resume_then_replay(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["trials"] == 2
 
 
+def test_a_champion_is_judged_under_the_conditions_of_its_run(tmp_path, monkeypatch):
+    folder, seen = str(tmp_path / "a"), []
+    conditions = ev.Randomization(friction=(0.6, 0.6))
+    options = {"generations": 1, "population_size": 4, "trials": 1, "duration": 0.5, "modules": 2}
+    ev.evolve(ev.EvolutionConfig(arena="truth", folder=folder, randomization=conditions, **options))
+    judge = ev.judge
+    monkeypatch.setattr(ev, "judge", lambda *a, **k: seen.append(k["randomization"]) or judge(*a, **k))
+    assert run(["replay", folder, "--trials", "1", "--quiet"]) == 0
+    assert seen == [ev.Randomization(friction=(0.6, 0.6), stretch=(1.0,))]
+
+
 @pytest.mark.slow
 def test_a_search_for_bodies_is_replayed_and_has_no_curve(tmp_path, capsys):
     bodies = ev.BodiesConfig(largest=2, children=2)

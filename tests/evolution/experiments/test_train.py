@@ -13,7 +13,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.cli.main import run
 from evolution._src.experiments import train as training
-from evolution._src.experiments.train import choose_task, split_readings
+from evolution._src.experiments.train import choose_task, crop_large, split_readings
 from evolution._src.experiments.train_page import _compare_models
 from symbrion_gym._src.contact.quality import ArenaQuality
 
@@ -74,6 +74,17 @@ def test_a_part_of_a_scan_is_cropped_or_refused(tmp_path, capsys, name, box, mes
         np.savetxt(path, make_scan().points)
     assert run(["train", str(path), "--out", str(tmp_path / "x"), "--crop", *box.split()]) in (1, 2)
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("ends", "middle"), [((), 0.0), (((12.0, 0.0), (16.0, 0.0)), 14.0), (((-30.0, 0.0),), -25.0)]
+)
+def test_of_a_large_scan_the_part_around_the_ends_is_used(ends, middle, caplog) -> None:
+    x, y = np.meshgrid(np.linspace(-30, 30, 241), np.linspace(-4, 4, 33))
+    part = crop_large(rc.Cloud(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])), ends)
+    low, high = part.points.min(axis=0), part.points.max(axis=0)
+    assert (low[0] + high[0]) / 2 == pytest.approx(middle, abs=0.3)
+    assert "of 60 m x 8 m the 20 m around" in caplog.text
 
 
 @pytest.mark.slow

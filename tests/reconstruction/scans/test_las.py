@@ -213,6 +213,8 @@ def test_of_a_forest_without_classes_the_ground_and_the_trunks_stay(tmp_path: Pa
     assert not kept[kind == "roof"].any()
     # as the caller wants, or the file says
     assert load_cloud(path, classes=(0, 1)).num_points == len(points)
+    with pytest.raises(ScanError, match="no point is of class 2, 6"):
+        load_cloud(path, classes=(2, 6))
     classes = np.where(kind == "ground", 2, 1)
     path = write(tmp_path, "b.las", las(points, classification=classes, number_of_returns=twice))
     assert load_cloud(path).num_points == len(points)

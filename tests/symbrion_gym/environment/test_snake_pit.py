@@ -231,6 +231,8 @@ def test_bad_reset_options_are_refused(options, message):
         ({"arena": "moon"}, sg.ArenaError, "moon"),
         ({"arena": 3}, sg.ArenaError, "arena must be"),
         ({"pit": -0.1}, ValueError, "pit must be at least 0"),
+        ({"randomize": {"friction": (0.9, 0.5)}}, ValueError, "upside down"),
+        ({"sensors": ()}, ValueError, "sensors is empty"),
         ({"friction": -1}, ValueError, "friction must be a number from 0.001 to 5"),
         ({"track_speed": np.nan}, ValueError, "track_speed"),
         ({"hinge_torque": 0}, ValueError, "hinge_torque must be a number from 0.001 to 100"),

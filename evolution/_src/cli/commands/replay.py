@@ -41,7 +41,7 @@ class Replay(SeededCommand, TrustingCommand):
     """Arena of the trials: a ready-made arena by name, an arena folder, or a mesh file. Default: that of the run; the
     true course for its ready-made models (simple, gsrm, gg)."""
     trials: int = 20
-    """Number of trials, randomized in start, heading, friction and torque; 0 skips them."""
+    """Number of trials, randomized as in the run, but for the length of the arena; 0 skips them."""
     start: Literal["floor", "pit"] | tuple[float, float] | None = None
     """Start of a trial: on the floor before the first ramp, just before the pit, or X Y [m]. Default: as in the run
     where that had a place or a task, otherwise the floor."""
@@ -68,7 +68,8 @@ class Replay(SeededCommand, TrustingCommand):
     def run(self, console: Console) -> dict[str, Any]:
         if self.video is not None or self.page is not None:
             require_extras("`symbrion replay` with --video or --page", "report")
-        champion = ev.load_run(self.folder).champion
+        run = ev.load_run(self.folder)
+        champion = run.champion
         if champion is None:
             raise ev.RunError(f"{self.folder} has no champion yet; `symbrion resume {self.folder}` first")
         arena = self.arena or choose_arena(champion.arena)
@@ -77,7 +78,16 @@ class Replay(SeededCommand, TrustingCommand):
         if self.trials:
             with console.track(f"{format_count(self.trials, 'trial')} in {arena}"):
                 workers = os.cpu_count() or 1
-                outcome = ev.judge(champion, arena, self.trials, self.seed, workers=workers, **options)
+                conditions = dataclasses.replace(run.config.randomization, stretch=(1.0,))
+                outcome = ev.judge(
+                    champion,
+                    arena,
+                    self.trials,
+                    self.seed,
+                    randomization=conditions,
+                    workers=workers,
+                    **options,
+                )
             rate = f"{outcome.successes} of {outcome.trials} trials"
             console.print_line(f"the champion succeeds in {rate} in {arena}")
             summary["successes"] = outcome.successes

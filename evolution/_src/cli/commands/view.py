@@ -60,14 +60,14 @@ class View(SeededCommand):
         body, robot = sg.snake(self.modules), format_count(self.modules, "module")
         with console.track(f"Arena {self.arena}"):
             arena = sg.load_arena(self.arena)
-            if {"drivable", "route"} & set(self.layers):
-                places = arena.traversability(body)
-            if "route" in self.layers:
-                way = propose_way(arena, body)
-                try:
+            try:
+                if {"drivable", "route"} & set(self.layers):
+                    places = arena.traversability(body)
+                if "route" in self.layers:
+                    way = propose_way(arena, body)
                     route = arena.find_route(body)
-                except sg.ArenaError as error:
-                    console.print_line(f"no route: {error}")
+            except sg.ArenaError as error:
+                console.print_line(f"no route: {error}")
         low, high = arena.surface.bounds.tolist()
         console.print_line(f"it extends over {format_extents(low, high)}")
         summary: dict[str, Any] = {
