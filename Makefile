@@ -3,7 +3,7 @@ PYTHON ?= python3
 RUN := .venv/bin/python
 INSTALL := $(RUN) -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: setup demo test test-slow check evidence paper docs assets clean
+.PHONY: setup demo test test-slow check evidence release paper docs assets clean
 
 setup: .venv/.installed
 
@@ -44,6 +44,11 @@ docs: setup
 # What README and docs say, measured in about an hour: docs/evidence.md.
 evidence: setup
 	$(RUN) -m benchmarks.evidence
+
+# Wheel and sdist, of a commit whose evidence was made from it: dist/.
+release: setup
+	$(RUN) -m benchmarks.evidence --check
+	$(RUN) -m hatchling build
 
 # The ready-made arenas that the package ships (see assets/README.md).
 assets: setup

@@ -1,5 +1,8 @@
 """Measure the evidence: `python -m benchmarks.evidence [NAME ...] [--out FILE]`, then print and write the table.
 
+Rows that are there are kept where they are of the same commit. `--check` refuses evidence of other code than is here: a
+release is a commit whose evidence was made from it.
+
 One process after the other, so that no row disturbs another. Results: benchmarks/results/evidence.json (with commit,
 day and machine) and docs/evidence.md, from which README and docs quote. Environment variables name peers that are built
 elsewhere: GNN_GSRM (the authors' program), OPEN3D_PYTHON (a Python that has Open3D).
@@ -21,11 +24,13 @@ from typing import Any
 
 from benchmarks.evidence import contact, evolving, robustness, speed, surfaces  # noqa: F401  (they register rows)
 from benchmarks.evidence.row import ROWS
-from benchmarks.report import COMMIT
+from benchmarks.report import COMMIT, run_git
 
 RESULTS = Path(__file__).parents[1] / "results" / "evidence.json"
 PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
 PACKAGES = ("mujoco", "jax", "numpy", "coacd", "cma", "gymnasium")
+NO_CODE = ("docs", "README.md", "CHANGELOG.md", "benchmarks/results", "benchmarks/submissions")
+"""What may change after the evidence was made."""
 LONGEST = 1800.0
 """A row that takes longer is ended [s]."""
 
@@ -76,6 +81,16 @@ def make_page(record: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def check_tree(record: dict[str, Any]) -> None:
+    """Refuse evidence that is not whole, or was made of other code than that in the tree."""
+    commit, missing = record["about"]["commit"], set(ROWS) - set(record["rows"])
+    changed = run_git("diff", "--name-only", commit, "--", ".", *(f":(exclude){path}" for path in NO_CODE))
+    if missing:
+        sys.exit(f"the evidence lacks {', '.join(sorted(missing))}; make evidence")
+    if changed != "":
+        sys.exit(f"the evidence is of {commit}, after which the code changed: {changed}; make evidence")
+
+
 def main() -> None:
     """Read the command line, measure, write."""
     parser = argparse.ArgumentParser(
@@ -85,6 +100,7 @@ def main() -> None:
         "names", nargs="*", choices=[[], *ROWS], metavar="NAME", help=f"rows: {', '.join(ROWS)}"
     )
     parser.add_argument("--out", type=Path, help="write the results here, and no page")
+    parser.add_argument("--check", action="store_true", help="measure nothing, but refuse old evidence")
     parser.add_argument("--here", action="store_true", help="measure in this process and print JSON")
     options = parser.parse_args()
     if options.here:
@@ -92,7 +108,12 @@ def main() -> None:
             print(json.dumps(ROWS[name].measure(), default=float))
         return
     target = options.out or RESULTS
-    record = json.loads(target.read_text()) if options.names and target.exists() else {"rows": {}}
+    record = json.loads(target.read_text()) if target.exists() else {}
+    if options.check:
+        check_tree(record)
+        return
+    if not options.names or record.get("about", {}).get("commit") != COMMIT:
+        record = {"rows": {}}
     record["about"] = describe()
     for name in options.names or ROWS:
         record["rows"][name] = measure(name)

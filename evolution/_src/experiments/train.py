@@ -149,9 +149,9 @@ def train(
         return result
 
 
-def _part(progress: Progress, low: float, high: float) -> Progress:
-    """Return a progress that covers a part of another."""
-    return lambda message, share: progress(message, low + (high - low) * share)
+def _part(progress: Progress, low: float, high: float, what: str = "") -> Progress:
+    """Return a progress that covers a part of another, and says of what."""
+    return lambda message, share: progress(what + message, low + (high - low) * share)
 
 
 def _digest(site: Site) -> str:
@@ -216,7 +216,7 @@ def make_models(
         else:
             halves = split_readings(crop_large(site, ends) if isinstance(site, rc.Cloud) else site)
             made = [
-                _make_model(half, seed + k, HALVES[k], _part(progress, k / 2, (k + 1) / 2))
+                _make_model(half, seed + k, HALVES[k], _part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: "))
                 for k, half in enumerate(halves)
             ]
             made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]

@@ -158,7 +158,9 @@ def _judge_unseen(surface: trimesh.Trimesh, seen: trimesh.Trimesh) -> Iterator[R
     whole = float(_select_level(surface).area)
     unseen = 1.0 - float(_select_level(seen).area) / whole if whole else 0.0
     meaning = f"{format_share(unseen)} of the level ground was not seen"
-    yield from _weigh("unseen_ground", unseen, _UNSEEN, meaning, "scan from more places, or --crop")
+    yield from _weigh(
+        "unseen_ground", unseen, _UNSEEN, meaning, "scan from more places or more densely, or --crop"
+    )
 
 
 def _find_area(ground: TraversabilityMap | None) -> float:
