@@ -83,10 +83,11 @@ def make_page(record: dict[str, Any]) -> str:
 
 def check_tree(record: dict[str, Any]) -> None:
     """Refuse evidence that is not whole, or was made of other code than that in the tree."""
-    commit, missing = record["about"]["commit"], set(ROWS) - set(record["rows"])
-    changed = run_git("diff", "--name-only", commit, "--", ".", *(f":(exclude){path}" for path in NO_CODE))
+    commit, rows = record.get("about", {}).get("commit"), record.get("rows", {})
+    missing = {name for name in ROWS if rows.get(name, {"failed": "not measured"}).get("failed")}
     if missing:
-        sys.exit(f"the evidence lacks {', '.join(sorted(missing))}; make evidence")
+        sys.exit(f"the evidence lacks, or failed at, {', '.join(sorted(missing))}; make evidence")
+    changed = run_git("diff", "--name-only", commit, "--", ".", *(f":(exclude){path}" for path in NO_CODE))
     if changed != "":
         sys.exit(f"the evidence is of {commit}, after which the code changed: {changed}; make evidence")
 
