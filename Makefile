@@ -10,7 +10,8 @@ setup: .venv/.installed
 .venv/.installed: EXTRAS := dev
 .venv/.demo: EXTRAS := cli,report,scan
 .venv/.test: EXTRAS := test
-.venv/.installed .venv/.demo .venv/.test: pyproject.toml constraints.txt
+.venv/.all: EXTRAS := dev,gpu,cluster,rl,ribs
+.venv/.installed .venv/.demo .venv/.test .venv/.all: pyproject.toml constraints.txt
 	test -x $(RUN) || $(PYTHON) -m venv .venv
 	$(INSTALL) -e .[$(EXTRAS)]
 	touch $@
@@ -41,8 +42,8 @@ docs: setup
 	$(INSTALL) -e .[docs]
 	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --strict --quiet
 
-# What README and docs say, measured in about an hour: docs/evidence.md.
-evidence: setup
+# What README and docs say, measured in about an hour: docs/evidence.md. Installs every extra (PyTorch: 5 GB).
+evidence: .venv/.all
 	$(RUN) -m benchmarks.evidence
 
 # Wheel and sdist, of a commit whose evidence was made from it: dist/.

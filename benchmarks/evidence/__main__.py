@@ -15,6 +15,7 @@ import datetime
 import json
 import os
 import platform
+import signal
 import subprocess
 import sys
 import time
@@ -56,13 +57,17 @@ def measure(name: str) -> dict[str, Any]:
     """Measure a row in a process of its own."""
     begin = time.perf_counter()
     words = [sys.executable, "-m", "benchmarks.evidence", name, "--here"]
-    try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=LONGEST, check=False)
-        lines = done.stdout.strip().splitlines()
-        reason = (done.stderr or "?").strip().splitlines()[-1]
-        found = {"failed": reason} if done.returncode else json.loads(lines[-1])
-    except subprocess.TimeoutExpired:
-        found = {"failed": f"took longer than {LONGEST:.0f} s"}
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, start_new_session=True) as process:
+        try:
+            said, errors = process.communicate(timeout=LONGEST)
+            reason = (errors or "?").strip().splitlines()[-1]
+            found = {"failed": reason} if process.returncode else json.loads(said.strip().splitlines()[-1])
+        except subprocess.TimeoutExpired:
+            found = {"failed": f"took longer than {LONGEST:.0f} s"}
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)  # its workers, too, which would disturb the next row
     return found | {"wall_s": round(time.perf_counter() - begin, 1)}
 
 

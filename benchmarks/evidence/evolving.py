@@ -59,7 +59,7 @@ def measure_champions() -> Figures:
         run = ev.evolve(ev.EvolutionConfig(arena="gsrm", seed=seed, generations=30, workers=2))
         seconds = time.process_time() - begin
         judged = {
-            place: ev.judge(run.champion, place, trials=20, seed=EXAM_SEED + seed)
+            place: ev.judge(run.champion, place, trials=20, seed=EXAM_SEED + seed, workers=2)
             for place in ("gsrm", "truth")
         }
         rows.append(

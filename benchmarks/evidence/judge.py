@@ -32,14 +32,14 @@ def sample(mesh: trimesh.Trimesh, count: int, seed: int = 0) -> np.ndarray:
 
 
 class Casts:
-    """Rays in an arena, by MuJoCo's own functions on its compiled model.
+    """Rays in a model, by MuJoCo's own functions on its compiled model.
 
     Args:
-        arena: the arena.
+        spec: of the arena.
     """
 
-    def __init__(self, arena: sg.Arena) -> None:
-        self._model = arena.spec().compile()
+    def __init__(self, spec: mujoco.MjSpec) -> None:
+        self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
 
@@ -80,7 +80,7 @@ def judge_beams(
     ways = chosen - viewpoint
     ranges = np.linalg.norm(ways, axis=1)
     origins, directions = np.tile(viewpoint, (len(chosen), 1)), ways / ranges[:, None]
-    casts = Casts(arena)
+    casts = Casts(arena.spec())
     ends = {
         name: casts.cast(origins, directions, group)
         for name, group in (("contact", CONTACT), ("surface", SURFACE))

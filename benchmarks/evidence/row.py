@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,13 +45,3 @@ def row(group: str, what: str, target: str = "") -> Callable[[Callable[[], Figur
         return measure
 
     return register
-
-
-def measure_seconds(work: Callable[[], object], repeats: int = 1) -> float:
-    """Return the median processor time of a call [s], all threads together."""
-    found = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        found.append(time.process_time() - begin)
-    return sorted(found)[len(found) // 2]

@@ -26,8 +26,8 @@ def _make_actions(env: Any, ticks: int) -> np.ndarray:
     return (0.4 * np.sin(0.1 * time_ - 0.8 * place)).astype(np.float32)
 
 
-@row(GROUP, "The snake of 8 modules on truth / gsrm / gg: robot-seconds a second through `env.step`, and its time over "
-     "the bare steps of the engine", "at most 1.15")  # fmt: skip
+@row(GROUP, "The snake of 8 modules on truth (boxes) / gsrm / gg: robot-seconds a second through `env.step`, and "
+     "its time over the bare steps of the engine", "at most 1.15")  # fmt: skip
 def measure_env_step() -> Figures:
     """Measure one environment, in turns with the bare steps that it makes."""
     found: Figures = {}

@@ -71,7 +71,9 @@ def add_scale(axes: Axes, view: View) -> None:
         values = step * np.arange(low, high + 1)
         values = values[np.abs(values - place) <= half / scale]
         axis.set_ticks(half + sign * scale * (values - place), [f"{value:g}" for value in values])
-    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set_xlabel("x [m]", fontsize=FONT)
+    axes.set_ylabel("y [m]", fontsize=FONT)
+    axes.tick_params(labelsize=FONT)
     axes.grid(color="black", alpha=0.18, linewidth=0.6)
 
 
@@ -79,6 +81,7 @@ LAYERS = ("surface", "contact", "drivable", "route")  # What can be drawn
 DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))  # Elevation and azimuth of the two cameras [degree]
 FROM_ABOVE = (90.0, -90.0)  # Of the camera of the plan: x to the right, y up
 PLAN_SHARE = 0.7  # Width of the plan, relative to that of both pictures side by side
+FONT = 13  # Size of text [point]: pages show the picture at about two thirds of its size
 WIDTH = 760  # Width of each picture [pixel]
 SURFACE_COLOR = np.array([0.80, 0.78, 0.74])
 LUMA = np.array([0.2126, 0.7152, 0.0722])  # Weights of red, green and blue in a gray (ITU-R BT.709)
@@ -129,7 +132,7 @@ def draw_arena(
         if arena.height_field is None
         else "a height field"
     )
-    figure.suptitle(f"{arena.name}: {contact}", fontsize=10)
+    figure.suptitle(f"{arena.name}: {contact}", fontsize=FONT)
     for axes, view in zip(places, views, strict=True):
         pixels = rasterize(np.asarray(arena.surface.triangles), view)
         picture = _draw_surface(arena, layers, pixels, view)
@@ -156,7 +159,7 @@ def draw_arena(
         handles.append(Line2D([], [], label="straight way for it", **WAY_LOOK))
     handles += make_friction_legend(arena) if "surface" in layers else []
     if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=8, fontsize=9)
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=FONT)
     return figure
 
 

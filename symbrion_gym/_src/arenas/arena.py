@@ -213,8 +213,7 @@ class Arena:
             ground = self.traversability()
         except ArenaError:  # there is none
             ground = None
-        accuracy = float(self.provenance.get("accuracy", 0.0))
-        return find_verdict(self.surface, self.seen_surface, contact, self.quality, accuracy, ground)
+        return find_verdict(self.surface, self.seen_surface, contact, self.quality, ground)
 
     def find_route(
         self,

@@ -30,11 +30,13 @@ from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import UP_AXES, RawPoints, describe_odd_size, find_offset, to_meters
 from reconstruction._src.surfaces.far_faces import select_faces
 from symbrion_gym._src.arenas.surface_file import check_has_surface
+from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.contact.reach import Reach
 from symbrion_gym._src.contact.visibility import add_visibility, measure_visibility
 from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.traversability.footprint import SLOPE_LIMIT
 
 if TYPE_CHECKING:
     from reconstruction._src.knowledge.slip.patches import FrictionEstimate
@@ -310,8 +312,9 @@ def add_scan_quality(
     What the scan does not tell stays None: beams and free space without viewpoints. With viewpoints and without
     readings, exact readings of the surface take their place.
     """
-    quality = replace(quality, dropped=scanned.dropped)
     points, seen_from = scanned.points, scanned.seen_from
+    off = None if points is None else _measure_readings(points, surface)
+    quality = replace(quality, dropped=scanned.dropped, readings=off)
     if scanned.viewpoints is None:
         return quality
     if points is None:
@@ -321,6 +324,17 @@ def add_scan_quality(
         points, seen_from = points[is_near], None if seen_from is None else seen_from[is_near]
     visibility = measure_visibility(points, scanned.viewpoints, seen_from, contact, surface)
     return add_visibility(quality, visibility)
+
+
+_NUM_READINGS = 5000  # Readings whose distance from the surface is measured
+
+
+def _measure_readings(points: Float[np.ndarray, "N 3"], surface: trimesh.Trimesh) -> float | None:
+    """Return the median distance of readings from a surface where it is level; None where it is nowhere [m]."""
+    chosen = np.random.default_rng(0).permutation(len(points))[:_NUM_READINGS]
+    distances, face, _ = find_nearest(points[chosen], np.asarray(surface.vertices), np.asarray(surface.faces))
+    is_level = surface.face_normals[face, 2] > np.cos(SLOPE_LIMIT)
+    return float(np.median(distances[is_level])) if is_level.any() else None
 
 
 _NUM_SAMPLES = 200_000  # Points on the faces of a colored mesh: 1 cm apart on 20 m²

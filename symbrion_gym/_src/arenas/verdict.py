@@ -30,7 +30,7 @@ _LOOSE = 0.02, 0.15  # Share of the seen level ground without contact that holds
 _UNCOVERED = 0.05, 0.35  # Share of all surface without contact within 5 cm
 _BEAMS = 0.1, 0.5  # Share of the beams that end right on the surface and elsewhere on contact
 _UNSEEN = 0.1, 1.1  # Share of the level ground that nobody saw
-_ACCURACY = ROBOT / 5, ROBOT / 2  # Distance of contact from the surface that its readings allow [m]
+_READINGS = ROBOT / 5, ROBOT / 2  # Median distance of the readings of level ground from the surface [m]
 _LEAST_AREA = 100 * ROBOT**2, 10 * ROBOT**2  # Largest area to drive on [m²]
 
 
@@ -72,7 +72,6 @@ def find_verdict(
     seen: trimesh.Trimesh,
     contact: Sequence[trimesh.Trimesh] | HeightField,
     quality: ArenaQuality,
-    accuracy: float,
     ground: TraversabilityMap | None,
 ) -> Verdict:
     """Return the verdict about an arena.
@@ -82,13 +81,12 @@ def find_verdict(
         seen: the part of it that readings confirm.
         contact: pieces, or a height field.
         quality: distances and shares that were measured when it was made.
-        accuracy: that which was wanted: it follows the readings [m].
         ground: where a Scout can drive; None where there is no ground.
     """
     figures = [
         *_judge_up(surface, ground),
         *_judge_ground(seen, contact, ground),
-        *_judge_contact(quality, accuracy),
+        *_judge_contact(quality),
         *_judge_unseen(surface, seen),
     ]
     reasons = sorted(figures, key=lambda each: -ANSWERS.index(each.answer))
@@ -139,10 +137,14 @@ def _judge_ground(
     )
 
 
-def _judge_contact(quality: ArenaQuality, accuracy: float) -> Iterator[Reason]:
-    """Yield what is wrong with the contact everywhere: too coarse, not there, or in the way of the scanner's beams."""
-    meaning = f"the readings allow contact {format_distance(accuracy)} off"
-    yield from _weigh("accuracy", accuracy, _ACCURACY, meaning, "scan from nearer, or --crop")
+def _judge_contact(quality: ArenaQuality) -> Iterator[Reason]:
+    """Yield what is wrong with surface and contact: off the readings, not there, or in the way of the beams."""
+    if quality.readings is not None:
+        off = format_distance(quality.readings)
+        meaning = f"half of the readings of level ground lie {off} or more off the surface"
+        yield from _weigh(
+            "readings", quality.readings, _READINGS, meaning, "scan from nearer or more densely, or --crop"
+        )
     meaning = f"{format_share(quality.uncovered)} of the surface has no contact within 5 cm"
     yield from _weigh(
         "uncovered", quality.uncovered, _UNCOVERED, meaning, "symbrion arena --max-pieces, or --crop"

@@ -26,7 +26,16 @@ _MARGIN = (
 )
 _ROUNDING = 1e-6  # Keeps a radius of a whole number of cells from becoming one more [cells]
 
-_DISTANCES = ("mean", "p95", "max", "seconds", "protrusion_mean", "protrusion_p95", "protrusion_max")
+_DISTANCES = (
+    "mean",
+    "p95",
+    "max",
+    "seconds",
+    "protrusion_mean",
+    "protrusion_p95",
+    "protrusion_max",
+    "readings",
+)
 _SHARES = ("uncovered", "beams_contact", "beams_surface", "free_space", "dropped")
 
 
@@ -59,6 +68,7 @@ class ArenaQuality:
     # share of the space that the scanner saw to be free that is inside contact geometry
     free_space: float | None = None
     dropped: float | None = None  # share of the readings that pre-processing dropped
+    readings: float | None = None  # median distance of the readings of level ground from the surface [m]
 
     def __post_init__(self) -> None:
         for name in (*_DISTANCES, "num_pieces"):

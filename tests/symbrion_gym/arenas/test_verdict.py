@@ -10,7 +10,7 @@ import trimesh
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.cli.main import run
-from symbrion_gym._src.arenas.scanned import find_unseen
+from symbrion_gym._src.arenas.scanned import ScannedSurface, add_scan_quality, find_unseen
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.tasks.paths import propose_way
 
@@ -42,10 +42,19 @@ def test_a_figure_decides(shift: float, changes: dict[str, float], figure: str, 
     assert (reason.figure, reason.answer) == (figure, answer)
 
 
-def test_a_coarse_scan_is_good_for_no_robot() -> None:
-    arena = replace(make_floor(), provenance={"accuracy": 1.49})
-    assert arena.verdict.answer == "no"
-    assert "the readings allow contact 1.49 m off" in str(arena.verdict)
+@pytest.mark.parametrize(("off", "answer"), [(0.005, "yes"), (0.06, "in part"), (0.4, "no")])
+def test_a_surface_far_from_its_readings_is_good_for_no_robot(off: float, answer: str) -> None:
+    """Readings of the floor are spread evenly up to so far above it: the median is half of that."""
+    readings = np.random.default_rng(0).uniform([-1.5, -1.0, 0.0], [1.5, 1.0, off], (40_000, 3))
+    readings[:, 2] += FLOOR.vertices[:, 2].max()
+    floor = make_floor()
+    quality = add_scan_quality(floor.quality, ScannedSurface(FLOOR, points=readings), floor.pieces, FLOOR)
+    assert quality.readings == pytest.approx(off / 2, rel=0.1)
+    arena = replace(floor, quality=quality)
+    assert arena.verdict.answer == answer
+    reasons = [each.meaning for each in arena.verdict.reasons if each.figure == "readings"]
+    assert len(reasons) == (answer != "yes")
+    assert all("off the surface" in each for each in reasons)
 
 
 def test_ground_that_nobody_saw_is_not_driven_on(tmp_path: Path) -> None:

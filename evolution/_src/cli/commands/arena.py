@@ -187,6 +187,7 @@ def _make_quality_rows(arena: "sg.Arena") -> list[list[object]]:
         f"accuracy reached{missed['mean']}": quality.mean,
         f"surface to contact: 95 %{missed['p95']}": quality.p95,
         "surface to contact: largest": quality.max,
+        "readings of level ground to surface: median": quality.readings,
         "contact to surface: mean": quality.protrusion_mean,
         "contact to surface: 95 %": quality.protrusion_p95,
         "contact to surface: largest": quality.protrusion_max,

@@ -162,7 +162,8 @@ def test_reaching_follows_the_c_engine():
         envs.reset(seed=3)
     before, _ = compare_steps(one, two, 1, 0.7)
     last, found = compare_steps(one, two, 90, 0.7)
-    np.testing.assert_allclose(last[4]["progress"], found[4]["progress"], atol=1e-4)
+    # 1 % of the goal's tolerance: float32 over 90 ticks of contact, whose last digits differ between processors
+    np.testing.assert_allclose(last[4]["progress"], found[4]["progress"], atol=3e-4)
     assert (last[4]["progress"] > before[4]["progress"] + 0.02).all(), "they have moved on"
     np.testing.assert_array_equal(last[4]["success"], found[4]["success"])
     assert last[4]["success"].any()
