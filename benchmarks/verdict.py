@@ -130,8 +130,10 @@ def main() -> None:
         except (MissingScanError, ValueError) as error:
             print(f"{name}: {error}", flush=True)
             continue
-        rests = drop_bodies(arena, readings)
-        arrived, tried = drive(arena, options.drives)
+        try:
+            rests, (arrived, tried) = drop_bodies(arena, readings), drive(arena, options.drives)
+        except sg.ArenaError:  # no ground at all
+            rests, arrived, tried = 0.0, 0, 0
         is_good = rests >= 0.98 and arrived >= 0.9 * options.drives
         found = f"{rests:.1%} rest, {arrived} of {tried} arrive: {'good' if is_good else 'bad'}"
         print(f"{name}: {seconds:.0f} s; {found}; {arena.verdict}", flush=True)

@@ -126,7 +126,9 @@ def _summarize(envs: Any, seconds: float, ticks: int = TICKS) -> dict[str, float
     }
 
 
-def measure_generation(genotypes: int = GENOTYPES, trials: int = TRIALS) -> dict[str, float]:
+def measure_generation(
+    genotypes: int = GENOTYPES, trials: int = TRIALS, duration: float = 30.0
+) -> dict[str, float]:
     """Return the time of a generation of the path law, the first with compilation, and the shares of success."""
     from evolution._src.backends.rollout import simulate_on_device
     from evolution._src.backends.trials import Job, Trials, find_trial_controller
@@ -134,7 +136,12 @@ def measure_generation(genotypes: int = GENOTYPES, trials: int = TRIALS) -> dict
 
     config = EvolutionConfig(arena="truth", start="pit", controller="path")
     conditions = Trials(
-        arena="truth", start="pit", controller="path", count=trials, randomization=_find_unstretched(config)
+        arena="truth",
+        start="pit",
+        controller="path",
+        count=trials,
+        duration=duration,
+        randomization=_find_unstretched(config),
     )
     initial = np.array(find_trial_controller(conditions).initial)
     rng, row = np.random.default_rng(0), {"genotypes": float(genotypes), "trials": float(trials)}
