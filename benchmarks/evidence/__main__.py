@@ -32,6 +32,17 @@ PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
 PACKAGES = ("mujoco", "jax", "numpy", "coacd", "cma", "gymnasium")
 NO_CODE = ("docs", "README.md", "CHANGELOG.md", "benchmarks/results", "benchmarks/submissions")
 """What may change after the evidence was made."""
+STUDIES = (
+    ("physics", "2026-11-26", "`python -m benchmarks.physics`"),
+    ("environment", "2026-11-26", "`python -m benchmarks.tasks`"),
+    ("suite", "2026-11-27", "`symbrion bench-suite`"),
+    ("gpu", "2026-11-26", "`python -m benchmarks.warp`"),
+    ("own-scan", "2026-11-27", "by hand"),
+    ("your-own-robot", "2026-11-22", "by hand"),
+    ("swarm", "2026-11-23", "by hand"),
+    ("bodies", "2026-11-24", "by hand"),
+)
+"""Pages with other figures, when they were measured, and how."""
 LONGEST = 1800.0
 """A row that takes longer is ended [s]."""
 
@@ -83,6 +94,8 @@ def make_page(record: dict[str, Any]) -> str:
             found = record["rows"].get(row.name, {"missing": "not measured"})
             said = found.get("said") or f"*{found.get('missing') or found.get('failed')}*"
             lines.append(f"| {row.what} (`{row.name}`) | {said} | {row.target} |")
+    lines += ["", "## Studies", "", "Figures on these pages were measured once:", ""]
+    lines += [f"- [{page}]({page}.md): {date}, {how}" for page, date, how in STUDIES]
     return "\n".join(lines) + "\n"
 
 

@@ -126,10 +126,11 @@ def _summarize(envs: Any, seconds: float, ticks: int = TICKS) -> dict[str, float
     }
 
 
-def measure_generation(
-    genotypes: int = GENOTYPES, trials: int = TRIALS, duration: float = 30.0
-) -> dict[str, float]:
-    """Return the time of a generation of the path law, the first with compilation, and the shares of success."""
+def measure_generation(genotypes: int = GENOTYPES, trials: int = TRIALS, **options: Any) -> dict[str, float]:
+    """Return the time of a generation of the path law, the first with compilation, and the shares of success.
+
+    `options` of the environment shorten what only has to run.
+    """
     from evolution._src.backends.rollout import simulate_on_device
     from evolution._src.backends.trials import Job, Trials, find_trial_controller
     from evolution._src.search.config import EvolutionConfig
@@ -140,8 +141,8 @@ def measure_generation(
         start="pit",
         controller="path",
         count=trials,
-        duration=duration,
         randomization=_find_unstretched(config),
+        **options,
     )
     initial = np.array(find_trial_controller(conditions).initial)
     rng, row = np.random.default_rng(0), {"genotypes": float(genotypes), "trials": float(trials)}
