@@ -115,6 +115,7 @@ def test_weak_copyleft_and_unknown_need_a_reason(project: Path, lines: list[str]
         if row.name == "direct"
     )
     assert find_faults(project, {"direct": {"statement": statement, "reason": "only its own files"}}) == {}
+    assert find_faults(project, {"dir*": {"statement": f"{statement[:3]}*", "reason": "several alike"}}) == {}
     assert find_faults(project, {"direct": {"statement": statement}})["direct"].startswith(fault)
     assert find_faults(project, {"direct": {"statement": "another", "reason": "old"}})["direct"].startswith(
         fault
@@ -153,5 +154,6 @@ def test_kinds_of_licenses(statement: str, kind: Kind) -> None:
 
 def test_each_review_gives_its_reason() -> None:
     assert all(
-        re.search(r"\w+ \w+", entry["reason"]) and entry["statement"] for entry in POLICY["reviewed"].values()
+        re.search(r"\w+ \w+", entry["reason"]) and "statement" in entry
+        for entry in POLICY["reviewed"].values()
     )

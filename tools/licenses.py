@@ -18,6 +18,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from fnmatch import fnmatchcase
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 
@@ -142,8 +143,8 @@ def find_fault(name: str, statements: tuple[str, ...], reviewed: Mapping[str, Ma
     kind = max(known, default=Kind.UNKNOWN)
     if kind == Kind.STRONG:
         return "copyleft: replace it"
-    entry = reviewed.get(name, {})
-    is_reviewed = entry.get("statement") == " | ".join(statements) and entry.get("reason")
+    entry = next((each for pattern, each in reviewed.items() if fnmatchcase(name, pattern)), {})
+    is_reviewed = entry.get("reason") and fnmatchcase(" | ".join(statements), entry.get("statement", ""))
     if kind == Kind.PERMISSIVE or is_reviewed:
         return ""
     what = "weak copyleft" if kind == Kind.WEAK else "unknown license"
@@ -187,7 +188,8 @@ def check_licenses(
     Args:
         root: folder with `pyproject.toml`.
         path: folders of installed distributions; `sys.path` unless given.
-        reviewed: distribution -> its statement on its license, and the reason for accepting it.
+        reviewed: distribution, or a pattern as `nvidia-*` -> its statement on its license, likewise, and the reason
+            for accepting it.
     """
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     installed = {str(canonicalize_name(d.name)): d for d in distributions(path=path or sys.path)}
