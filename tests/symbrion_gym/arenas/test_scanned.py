@@ -142,7 +142,9 @@ POINTS = np.random.default_rng(0).uniform([0, 0, 0], [4, 2, 0], (2000, 3))
 def test_without_viewpoints_nothing_is_known_of_beams():
     assert add_scan_quality(QUALITY, ScannedSurface(GROUND), SLAB, GROUND) == QUALITY
     scanned = ScannedSurface(GROUND, points=POINTS, dropped=0.2)
-    assert add_scan_quality(QUALITY, scanned, SLAB, GROUND) == replace(QUALITY, dropped=0.2)
+    quality = add_scan_quality(QUALITY, scanned, SLAB, GROUND)
+    assert quality.readings == pytest.approx(0.0, abs=1e-9)
+    assert replace(quality, readings=None) == replace(QUALITY, dropped=0.2)
 
 
 def test_with_viewpoints_beams_are_compared():
