@@ -34,13 +34,13 @@ NO_CODE = ("docs", "README.md", "CHANGELOG.md", "benchmarks/results", "benchmark
 """What may change after the evidence was made."""
 STUDIES = (
     ("physics", "2026-11-26", "`python -m benchmarks.physics`"),
-    ("environment", "2026-11-26", "`python -m benchmarks.tasks`"),
+    ("environment", "2026-11-27", "`python -m benchmarks.tasks`"),
     ("suite", "2026-11-27", "`symbrion bench-suite`"),
-    ("gpu", "2026-11-26", "`python -m benchmarks.warp`"),
-    ("own-scan", "2026-11-27", "by hand"),
+    ("gpu", "2026-11-23 to 26", "`python -m benchmarks.warp`"),
+    ("own-scan", "2026-11-26", "by hand"),
     ("your-own-robot", "2026-11-22", "by hand"),
     ("swarm", "2026-11-23", "by hand"),
-    ("bodies", "2026-11-24", "by hand"),
+    ("bodies", "2026-11-23", "by hand"),
 )
 """Pages with other figures, when they were measured, and how."""
 LONGEST = 1800.0
@@ -72,7 +72,7 @@ def measure(name: str) -> dict[str, Any]:
     with subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, start_new_session=True) as process:
         try:
             said, errors = process.communicate(timeout=LONGEST)
-            reason = (errors or "?").strip().splitlines()[-1]
+            reason = (errors.strip() or "?").splitlines()[-1]
             found = {"failed": reason} if process.returncode else json.loads(said.strip().splitlines()[-1])
         except subprocess.TimeoutExpired:
             found = {"failed": f"took longer than {LONGEST:.0f} s"}

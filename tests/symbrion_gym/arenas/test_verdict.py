@@ -47,6 +47,10 @@ def test_a_surface_far_from_its_readings_is_good_for_no_robot(off: float, answer
     """Readings of the floor are spread evenly up to so far above it: the median is half of that."""
     readings = np.random.default_rng(0).uniform([-1.5, -1.0, 0.0], [1.5, 1.0, off], (40_000, 3))
     readings[:, 2] += FLOOR.vertices[:, 2].max()
+    walls = np.random.default_rng(1).uniform(
+        [2.5, -1.0, -0.09], [2.6, 1.0, -0.01], (90_000, 3)
+    )  # not of the ground
+    readings = np.concatenate([readings, walls])
     floor = make_floor()
     quality = add_scan_quality(floor.quality, ScannedSurface(FLOOR, points=readings), floor.pieces, FLOOR)
     assert quality.readings == pytest.approx(off / 2, rel=0.1)
