@@ -93,7 +93,7 @@ def make_page(record: dict[str, Any]) -> str:
         for row in (row for row in ROWS.values() if row.group == group):
             found = record["rows"].get(row.name, {"missing": "not measured"})
             said = found.get("said") or f"*{found.get('missing') or found.get('failed')}*"
-            lines.append(f"| {row.what} (`{row.name}`) | {said} | {row.target} |")
+            lines.append(f"| {row.what} (`{row.name}`) | {said} | {row.judge(found)} |")
     lines += ["", "## Studies", "", "Figures on these pages were measured once:", ""]
     lines += [f"- [{page}]({page}.md): {date}, {how}" for page, date, how in STUDIES]
     return "\n".join(lines) + "\n"

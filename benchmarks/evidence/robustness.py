@@ -40,7 +40,7 @@ _RUN += ["--seed", "3", "--quiet"]
 
 
 @row(GROUP, f"Runs killed (SIGKILL) at {_KILLS} random moments after they had begun, and resumed: history and champion "
-     "equal to an uninterrupted run", f"{_KILLS} of {_KILLS}")  # fmt: skip
+     "equal to an uninterrupted run", f"{_KILLS} of {_KILLS}", lambda found: found["equal"] == _KILLS)  # fmt: skip
 def measure_kills() -> Figures:
     """Kill runs, resume them, compare."""
     rng = random.Random(0)
@@ -76,7 +76,7 @@ def _read(folder: Path) -> Any:
 
 
 @row(GROUP, "Damaged files (bytes flipped, cut, zeroed) of nine kinds: read whole, or refused by an error of ours; "
-     "other errors", "0 other errors")  # fmt: skip
+     "other errors", "0 other errors", lambda found: not found["others"])  # fmt: skip
 def measure_damage() -> Figures:
     """Damage files and read them."""
     rng = np.random.default_rng(0)
@@ -139,7 +139,8 @@ def _damage(content: bytes, rng: np.random.Generator) -> bytes:
     return bytes(damaged)
 
 
-@row(GROUP, "Files that name code (runs, tasks, controllers, submissions): tests of attacks that pass", "all")
+@row(GROUP, "Files that name code (runs, tasks, controllers, submissions): tests of attacks that pass", "all",
+     lambda found: found["code"] == 0)  # fmt: skip
 def measure_attacks() -> Figures:
     """Run the tests of attacks."""
     found = _run_tests("tests/evolution/test_attacks.py")
@@ -150,6 +151,7 @@ def measure_attacks() -> Figures:
     GROUP,
     "Tests that are too long for CI, or of extras that it lacks (Warp on its CPU device, Ray, PPO)",
     "all",
+    lambda found: found["code"] == 0 and not found.get("skipped"),
 )
 def measure_long_tests() -> Figures:
     """Run the long tests, each file in a process of its own: PyTorch cannot be loaded where pictures were drawn."""

@@ -23,6 +23,7 @@ class Row:
         what: what is measured, understood without the source.
         target: what was asked, "" for nothing; with † where it was set after a first result.
         measure: measures it.
+        met: whether figures are what was asked (None for those that cannot tell); None where nothing was.
     """
 
     name: str
@@ -30,18 +31,27 @@ class Row:
     what: str
     target: str
     measure: Callable[[], Figures]
+    met: Callable[[Figures], bool | None] | None
+
+    def judge(self, found: Figures) -> str:
+        """Return what was asked, and whether it was missed."""
+        if self.met is None or "said" not in found:
+            return self.target
+        return self.target + {True: "", False: ": missed", None: ": not all measured"}[self.met(found)]
 
 
 ROWS: dict[str, Row] = {}
 """Name -> row, in the order of the table."""
 
 
-def row(group: str, what: str, target: str = "") -> Callable[[Callable[[], Figures]], Callable[[], Figures]]:
+def row(
+    group: str, what: str, target: str = "", met: Callable[[Figures], bool | None] | None = None
+) -> Callable[[Callable[[], Figures]], Callable[[], Figures]]:
     """Register a function that measures a row; its name is that of the row."""
 
     def register(measure: Callable[[], Figures]) -> Callable[[], Figures]:
         name = measure.__name__.removeprefix("measure_")
-        ROWS[name] = Row(name, group, what, target, measure)
+        ROWS[name] = Row(name, group, what, target, measure, met)
         return measure
 
     return register

@@ -18,6 +18,7 @@ from benchmarks.evidence.row import Figures, row
 GROUP = "How fast is it? (processor time, one core)"
 ID = "symbrion_gym/SnakePit-v1"
 _TICKS = 150
+_ARENAS = ("truth", "gsrm", "gg")
 
 
 def _make_actions(env: Any, ticks: int) -> np.ndarray:
@@ -27,11 +28,12 @@ def _make_actions(env: Any, ticks: int) -> np.ndarray:
 
 
 @row(GROUP, "The snake of 8 modules on truth (boxes) / gsrm / gg: robot-seconds a second through `env.step`, and "
-     "its time over the bare steps of the engine", "at most 1.15")  # fmt: skip
+     "its time over the bare steps of the engine", "at most 1.15",
+     lambda found: max(found[arena]["over_bare"] for arena in _ARENAS) <= 1.15)  # fmt: skip
 def measure_env_step() -> Figures:
     """Measure one environment, in turns with the bare steps that it makes."""
     found: Figures = {}
-    for arena in ("truth", "gsrm", "gg"):
+    for arena in _ARENAS:
         env: Any = gym.make(ID, arena=arena, modules=8).unwrapped
         pairs = []
         for _ in range(5):
@@ -60,7 +62,8 @@ def measure_env_step() -> Figures:
     return found | {"said": said}
 
 
-@row(GROUP, "16 snakes at once on truth, one thread: robot-seconds a second", "at least 100")
+@row(GROUP, "16 snakes at once on truth, one thread: robot-seconds a second", "at least 100",
+     lambda found: found["robot_s_per_s"] >= 100.0)  # fmt: skip
 def measure_vector() -> Figures:
     """Measure a vector environment."""
     options: dict[str, Any] = {"arena": "truth", "modules": 8, "num_threads": 1}
@@ -79,7 +82,7 @@ def measure_vector() -> Figures:
 
 
 @row(GROUP, "One laser scan (361 beams) on the growing grid's mesh over one on the model made by hand (paper: 66)",
-     "at most 1.5")  # fmt: skip
+     "at most 1.5", lambda found: found["ratio"] <= 1.5)  # fmt: skip
 def measure_laser() -> Figures:
     """Measure laser scans in turns."""
     finders = {}
@@ -99,7 +102,7 @@ def measure_laser() -> Figures:
 
 
 @row(GROUP, "A swarm of 24 and of 50 kinematic robots through `swarm_v0.parallel_env`: times real time",
-     "at least 20 for 50")  # fmt: skip
+     "at least 20 for 50", lambda found: found["50"].get("times_real_time", 0.0) >= 20.0)  # fmt: skip
 def measure_swarm_speed() -> Figures:
     """Measure the PettingZoo environment."""
     from symbrion_gym import swarm_v0

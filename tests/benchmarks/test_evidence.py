@@ -1,5 +1,7 @@
 """The evidence of a release: whole, and of the code that is released."""
 
+import json
+
 import pytest
 
 from benchmarks.evidence import __main__ as evidence
@@ -25,3 +27,18 @@ def test_a_release_needs_whole_evidence_of_its_code(changes, changed, message, m
         evidence.check_tree(record)
     with pytest.raises(SystemExit, match="lacks"):
         evidence.check_tree({})
+
+
+def test_the_page_is_made_of_the_figures() -> None:
+    record = json.loads(evidence.RESULTS.read_text())
+    assert evidence.PAGE.read_text() == evidence.make_page(record)
+
+
+def test_every_target_is_judged_by_its_figures() -> None:
+    assert all(bool(row.target) == (row.met is not None) for row in ROWS.values())
+    for speed, verdict in ((99.0, "at least 100: missed"), (100.0, "at least 100")):
+        assert ROWS["vector"].judge({"robot_s_per_s": speed, "said": ""}) == verdict
+    alone = {"truth_to_mesh_mm": 0.9, "faults": 0, "said": ""}
+    assert ROWS["gsrm"].judge(alone).endswith(": not all measured")
+    assert ROWS["gsrm"].judge(alone | {"faults": 1}).endswith(": missed")
+    assert ROWS["vector"].judge({"failed": "took longer"}) == "at least 100"
