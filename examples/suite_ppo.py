@@ -25,8 +25,7 @@ from evolution._src.backends.rollout import make_environment_options
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.baselines import LEARNING_SEED
-from evolution._src.suite.submission import Entry, fill_submission
-from evolution._src.suite.tasks import BUDGET, SUITE, SuiteTask, find_suite_task
+from evolution.suite import BUDGET, SUITE, Entry, SuiteTask, fill_submission, find_suite_task
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
 from symbrion_gym._src.robot.body_plans import organism_to_text

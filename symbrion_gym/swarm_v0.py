@@ -1,13 +1,19 @@
-"""The PettingZoo environment of a swarm, by the name that PettingZoo's users expect: `swarm_v0.parallel_env(...)`."""
+"""The PettingZoo environment of a swarm, `swarm_v0.parallel_env(...)`, and its worlds without PettingZoo."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.lazy import export_lazily
 
 if TYPE_CHECKING:
+    from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
     from symbrion_gym._src.swarm.environment import SwarmEnv
+    from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+    from symbrion_gym._src.swarm.world import SwarmCommands, SwarmState
+
+__all__ = ["DynamicWorld", "KinematicWorld", "SwarmCommands", "SwarmEnv", "SwarmState", "parallel_env"]
 
 
 def parallel_env(render_mode: str | None = None, **options: Any) -> SwarmEnv:
@@ -26,3 +32,6 @@ def parallel_env(render_mode: str | None = None, **options: Any) -> SwarmEnv:
     from symbrion_gym._src.swarm.environment import SwarmEnv
 
     return SwarmEnv(render_mode=render_mode, **options)
+
+
+__getattr__, __dir__ = export_lazily(__name__)

@@ -6,6 +6,7 @@ from reconstruction._src.base.lazy import export_lazily
 
 if TYPE_CHECKING:
     from symbrion_gym._src.tasks.catalog import TASKS, make_task
+    from symbrion_gym._src.tasks.features import find_gap, find_ramp, find_stairs, find_step
     from symbrion_gym._src.tasks.goals import PassFinish
     from symbrion_gym._src.tasks.reach import ReachPlaces
     from symbrion_gym._src.tasks.recorders import (
@@ -56,6 +57,10 @@ __all__ = [
     "Termination",
     "TouchedPit",
     "Trajectory",
+    "find_gap",
+    "find_ramp",
+    "find_stairs",
+    "find_step",
     "gain_potential",
     "gain_progress",
     "has_failed",

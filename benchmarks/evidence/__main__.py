@@ -35,7 +35,7 @@ NO_CODE = ("docs", "README.md", "CHANGELOG.md", "benchmarks/results", "benchmark
 STUDIES = (
     ("physics", "2026-11-26", "`python -m benchmarks.physics`"),
     ("environment", "2026-11-27", "`python -m benchmarks.tasks`"),
-    ("suite", "2026-11-27", "`symbrion bench-suite`"),
+    ("suite", "2026-11-28", "`symbrion bench-suite`"),
     ("gpu", "2026-11-23 to 26", "`python -m benchmarks.warp`"),
     ("own-scan", "2026-11-26", "by hand"),
     ("your-own-robot", "2026-11-22", "by hand"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.base.range_checks import format_share
 from reconstruction._src.input_cloud import make_cloud
 from reconstruction._src.methods import find_method, make_config
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
@@ -74,5 +75,5 @@ def reconstruct(
     notes = {"units": f"{config.units}, chosen for the density of the points"} if is_chosen else {}
     result = Reconstruction(method, config, state, cloud, readings=everything, notes=notes)
     if result.dropped is not None:
-        result.notes["dropped"] = f"pre-processing dropped {result.dropped}"
+        result.notes["dropped"] = f"pre-processing dropped {format_share(result.dropped)} of the readings"
     return result

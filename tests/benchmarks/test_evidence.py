@@ -1,6 +1,8 @@
 """The evidence of a release: whole, and of the code that is released."""
 
 import json
+import sys
+import time
 
 import pytest
 
@@ -42,3 +44,16 @@ def test_every_target_is_judged_by_its_figures() -> None:
     assert ROWS["gsrm"].judge(alone).endswith(": not all measured")
     assert ROWS["gsrm"].judge(alone | {"faults": 1}).endswith(": missed")
     assert ROWS["vector"].judge({"failed": "took longer"}) == "at least 100"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process groups")
+def test_a_row_that_takes_too_long_is_ended_with_its_workers(tmp_path, monkeypatch) -> None:
+    written, program = tmp_path / "written", tmp_path / "python"
+    program.write_text(f"#!/bin/sh\n(while :; do echo >> {written}; sleep 0.05; done) &\nwait\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+    monkeypatch.setattr(evidence, "LONGEST", 1.0)
+    assert evidence.measure("vector")["failed"] == "took longer than 1 s"
+    size = written.stat().st_size
+    time.sleep(0.5)
+    assert written.stat().st_size == size

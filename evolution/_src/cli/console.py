@@ -76,13 +76,16 @@ class Step:
     """Shortest time between two lines of progress [s]; a log of an hour has at most 720 of them."""
     MIN_FRACTION = 0.02
     """Share of the work since the first report from which the remaining time is estimated."""
+    SKIPPED = 0.01, 0.5
+    """Share of the work in one report, and time since the one before [s], by which it was done before: a resumed run
+    does not do again what its folder has."""
 
     def __init__(self, title: str, bars: Progress, log: RichConsole | None):
         self.title, self._bars, self._log = title, bars, log
         self.seconds = 0.0  # wall time, known when the step has ended
         self._task: TaskID | None = None
         self._start = self._last_line = 0.0
-        self._first: tuple[float, float] | None = None  # time and fraction of the first report
+        self._begin = self._before = (0.0, -1.0)  # time and fraction of the first report, of that before
 
     def __enter__(self) -> "Step":
         self._start = self._last_line = time.perf_counter()
@@ -103,15 +106,23 @@ class Step:
         if self._task is not None:
             self._bars.update(self._task, completed=fraction, detail=message)
         now = time.perf_counter()
-        self._first = begin, known = self._first or (now, fraction)
+        self._follow(now, fraction)
         if not self._log or now - self._last_line <= self.LOG_INTERVAL:
             return
-        self._last_line, left = now, ""
-        if (
-            fraction - known > self.MIN_FRACTION and fraction < 1
-        ):  # before the first report a resumed run did nothing
+        (begin, known), self._last_line, left = self._begin, now, ""
+        if fraction - known > self.MIN_FRACTION and fraction < 1:
             left = f", about {(now - begin) * (1 - fraction) / (fraction - known):.0f} s left"
         self._log.print(f"  {message} ({fraction:.0%}{left})")
+
+    def _follow(self, now: float, fraction: float) -> None:
+        """Note how far the work was when it began, anew where it goes back: what was done before takes no time now."""
+        (begin, known), (then, last) = self._begin, self._before
+        share, seconds = self.SKIPPED
+        if last < 0.0 or fraction < last:
+            begin, known = now, fraction
+        elif fraction - last > share and now - then < seconds:
+            known += fraction - last
+        self._begin, self._before = (begin, known), (now, fraction)
 
 
 def prepare_streams() -> None:

@@ -128,22 +128,26 @@ def train(
     site = read_site(scan) if isinstance(scan, str | Path) else scan
     options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
     claim_folder(folder, MARKER, {"scan": _digest(site), "seed": seed, **options}, OUTPUTS)
+    if isinstance(site, rc.Cloud) and site.viewpoints is None:
+        logger.warning(
+            "the scan does not say where the scanner stood, which tells inside from outside; give --viewpoint X Y Z"
+        )
     with lock_folder(folder):
         ends = [place[:2] for place in (start, goal) if place is not None]
-        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6), ends)
+        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.2), ends)
         verdict = arenas[0].verdict
         if verdict.answer == "no":
             raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
         body = None if organism is None else read_organism(organism)
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
-        run = evolve_or_resume(config, _part(progress, 0.6, 0.85))
-        progress("judging the champion", 0.85)
+        run = evolve_or_resume(config, _part(progress, 0.2, 0.9))
+        progress("judging the champion", 0.9)
         other = arenas[1] if len(arenas) > 1 else None
         places = {"training": arenas[0], "other half": other, "truth": truth}
         known = {name: arena for name, arena in places.items() if arena is not None}
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
         result = Training(folder, arenas[0], other, verdict, run, held, folder / PAGE)
-        progress("writing the page", 0.9)
+        progress("writing the page", 0.95)
         write_train_page(result, list(known.values())[-1], seed)
         progress("done", 1.0)
         return result

@@ -388,6 +388,8 @@ class _Loop:
             self._progress(f"{self._config.STEP} {done} of {length}", done / length)
         elif due:
             text = f"{self._config.STEP} {done + 1} of {length}: {tried} of {due} trials"
+            if done:
+                text += f"; {self._record.history[-1]['successes']} succeeded in {self._config.STEP} {done}"
             self._progress(text, (done + tried / due) / length)
 
     def _try(self, attempts: Sequence[Attempt]) -> list[Entry]:

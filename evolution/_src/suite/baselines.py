@@ -11,7 +11,7 @@ from jaxtyping import Float
 from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.pool import Simulate
 from evolution._src.backends.settings import read_organism
-from evolution._src.backends.trials import Job, Trials, find_trial_controller
+from evolution._src.backends.trials import Job, Trials, check_tried, find_trial_controller
 from evolution._src.errors import RunError
 from evolution._src.search.cmaes import Strategy
 from evolution._src.search.run import describe_origin
@@ -51,14 +51,18 @@ class Practice:
         self.generation += 1
         trials = self._make_trials(count)
         outcomes = self.backend.run([Job(genotype, trials) for genotype in genotypes])
+        if not self.tried:
+            check_tried(outcomes)
         self.seconds += sum(outcome.seconds for outcome in outcomes)
         fitness = [SCORING.score(outcome, 0) for outcome in outcomes]
         self.tried += zip(fitness, np.array(genotypes), strict=True)
         return np.array(fitness)
 
     def choose(self) -> Float[np.ndarray, " G"]:
-        """Try the fittest genotypes again, and return the best of them."""
-        order = np.argsort([-fitness for fitness, _ in self.tried], kind="stable")[:FINALISTS]
+        """Try the fittest genotypes again, as many as there is time for, and return the best of them."""
+        usual = FINAL_TRIALS * self.seconds / len(self.tried)  # time that one takes
+        count = int(np.clip((self.budget - self.seconds) / max(usual, 1e-9), 1, FINALISTS))
+        order = np.argsort([-fitness for fitness, _ in self.tried], kind="stable")[:count]
         finalists = np.array([self.tried[index][1] for index in order])
         if len(finalists) == 1:
             return finalists[0]

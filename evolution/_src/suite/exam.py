@@ -226,7 +226,9 @@ class _Outside:
             if self._connection.poll(max(self._until - monotonic(), 0.0)):
                 return self._connection.recv_bytes(_LONGEST)
         except (EOFError, OSError) as error:
-            raise RunError("the process of the controller has ended; its error is printed above") from error
+            raise RunError(
+                "the process of the controller has ended; its error is on standard error"
+            ) from error
         raise RunError(f"the controller took longer than {_PATIENCE:g} s for an arena")
 
 
@@ -236,6 +238,13 @@ def _serve(connection: Connection, source: str, body: str, num_tracks: int) -> N
         os.setsid()  # so that what it starts ends with it
     os.dup2(2, 1)  # what it prints is no output of ours
     sys.argv = sys.argv[:1]  # which may hold the seed of the exam
+    try:
+        _act_for(connection, source, body, num_tracks)
+    except Exception as error:
+        sys.exit(f"{source}: {make_printable(error, LONGEST_LINE)}")  # on standard error
+
+
+def _act_for(connection: Connection, source: str, body: str, num_tracks: int) -> None:
     controller = find_controller(find_of_module(source), read_organism(body), num_tracks)
     connection.send_bytes(json.dumps({each: getattr(controller, each) for each in _TOLD}).encode())
     state: Any = None

@@ -24,7 +24,8 @@ from reconstruction._src.geometry.rows import (
 )
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
-_SHORTEST = 1e-300  # Divided by instead of 0: the direction of an edge without length is 0
+_SHORTEST = float(np.finfo(np.float32).tiny)
+"""Divided by instead of 0, also in single precision: the direction of an edge without length is 0."""
 
 
 _STEP = 0.5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -54,6 +55,13 @@ def read_random_range(name: str, value: Any) -> Float[np.ndarray, " n"]:
     return bounds
 
 
+def check_count(name: str, value: Any) -> int:
+    """Return a number of things, which is a whole number above 0."""
+    if not isinstance(value, Integral) or value < 1:
+        raise OptionError(f"{name} must be a whole number above 0, got {value!r}")
+    return int(value)
+
+
 def check_organism_options(given: Mapping[str, Any]) -> None:
     """Refuse options that contradict each other."""
     if given.get("modules") is not None and given.get("organism") is not None:
@@ -76,6 +84,7 @@ def apply_options(organism: Organism, wanted: Mapping[str, Any]) -> Organism:
     return replace(organism, scout=replace(scout, **wanted)) if wanted else organism
 
 
+_OF_TASK = ("terminations", "rewards")
 STARTS = ("floor", "pit")
 TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
@@ -219,6 +228,8 @@ class EnvironmentConfig:
         unknown = [name for name in given if name not in _NAMES]
         own = cls._find_parameters(given) if unknown else ()
         for name in set(unknown).difference(own):
+            if name in _OF_TASK:
+                raise error(f"{what}: {name!r} is a field of `symbrion_gym.Task`; give task=Task(...)")
             listed = [*others, *(each for each in _NAMES if not each.startswith(_INTERNAL)), *own]
             check_choice(what, name, listed, error)
         return unknown

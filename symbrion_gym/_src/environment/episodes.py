@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from symbrion_gym._src.environment.observation import DeadReckoning, Observer, find_goal, measure_way
 from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.tasks.state import MEASURES, TaskState, Views, check_function
+from symbrion_gym._src.tasks.state import MEASURES, TaskState, Views, check_finite, check_function
 from symbrion_gym._src.tasks.terms import BASE_FLAGS
 from symbrion_gym._src.tasks.watch import Reasons, Watch
 
@@ -209,7 +209,9 @@ class Episodes:
         if self._has_goal:
             self._own["goal"][...] = find_goal(self.state)
         for sensor in self.observer.sensors:
-            self._own[sensor.name][...] = sensor.read(self.state)
+            values = sensor.read(self.state)
+            check_finite(f"sensor {sensor.name!r}", values, self.state)
+            self._own[sensor.name][...] = values
         if self._integrates and self._has_driven.any():
             self._integrate(physics)
         return self.observer.read(physics)

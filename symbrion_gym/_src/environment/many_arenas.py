@@ -10,7 +10,8 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, check_count, list_seeds
+from symbrion_gym._src.environment.config import check_count
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, list_seeds
 from symbrion_gym._src.environment.randomization import split_reset
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.registration import KnowsLimits

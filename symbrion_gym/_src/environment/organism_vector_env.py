@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch
 
-from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.config import EnvironmentConfig, check_count
 from symbrion_gym._src.environment.episodes import Episodes, Ticks
 from symbrion_gym._src.environment.organism_env import OrganismEnv, make_renderer, make_spaces
 from symbrion_gym._src.environment.randomization import (
@@ -258,10 +258,3 @@ def list_seeds(seed: int | Sequence[int | None] | None, num: int) -> Sequence[in
     if len(seeds) != num:
         raise OptionError(f"{len(seeds)} seeds for {num} environments; give one each")
     return seeds
-
-
-def check_count(name: str, value: float) -> int:
-    """Return a number of things, which is a whole number above 0."""
-    if int(value) != value or value < 1:
-        raise OptionError(f"{name} must be a whole number above 0, got {value}")
-    return int(value)

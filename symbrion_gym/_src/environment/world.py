@@ -22,7 +22,13 @@ from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym._src.arenas.spec import PATCH_PRIORITY
 from symbrion_gym._src.assets import NAMED_ARENAS
-from symbrion_gym._src.environment.config import MAX_MODULES, SCOUT_OPTIONS, EnvironmentConfig, apply_options
+from symbrion_gym._src.environment.config import (
+    MAX_MODULES,
+    SCOUT_OPTIONS,
+    EnvironmentConfig,
+    apply_options,
+    check_count,
+)
 from symbrion_gym._src.environment.laying import LIFT, GroundPlacement, Settler, compute_depth
 from symbrion_gym._src.environment.rendering import add_scene
 from symbrion_gym._src.errors import ArenaError, OrganismError
@@ -128,6 +134,7 @@ class World:
 
     def __init__(self, config: EnvironmentConfig, image_size: tuple[int, int] = (640, 400)) -> None:
         self.config = config
+        width, height = (check_count(*pair) for pair in zip(("width", "height"), image_size, strict=True))
         on_map = find_arena(config)
         self.task = config.find_task()
         place = self.task.start.place
@@ -140,7 +147,7 @@ class World:
         )
         self.scene = Scene(self.arena, self.organism, self.route, self.map_route)
         self._placement = GroundPlacement(self.arena, self.organism, self.route.start_height)
-        self.model = self._make_spec(*image_size).compile()  # change a copy, as simulations share it
+        self.model = self._make_spec(width, height).compile()  # change a copy, as simulations share it
         self._find_ids()
 
     def _make_spec(self, width: int, height: int) -> mujoco.MjSpec:

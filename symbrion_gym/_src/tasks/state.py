@@ -330,7 +330,7 @@ _OURS = f"{__name__.partition('.')[0]}."
 
 
 def check_function(what: str, function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a function of a task as it is, or with a check of the shape that it returns if a user wrote it."""
+    """Return a function of a task as it is, or with a check of what it returns if a user wrote it."""
     plain = getattr(function, "__func__", function)
     named = plain if hasattr(plain, "__qualname__") else type(plain).__call__
     if str(getattr(named, "__module__", "")).startswith(_OURS):
@@ -345,9 +345,16 @@ def check_function(what: str, function: Callable[[Any], Any]) -> Callable[[Any],
                 f"{what} returned {found}; one number or truth value for each of {state.num} simulations, an array of "
                 f"shape ({state.num},), is needed"
             )
+        check_finite(what, value, state)
         return value
 
     return call
+
+
+def check_finite(what: str, values: Any, state: TaskState) -> None:
+    """Refuse what is not finite, but of unstable simulations."""
+    if not np.isfinite(np.asarray(values)[state.is_sound]).all():
+        raise TaskError(f"{what} returned {values!r}, which is not finite; mend its function")
 
 
 def add_up(values: Float[Any, "N n"]) -> Float[Any, " N"]:

@@ -42,6 +42,8 @@ class Bars:
         ([(20.0, 0.5)], "50%"),
         ([(20.0, 0.5), (30.0, 0.51)], "51%"),
         ([(0.0, 0.0), (10.0, 1.0)], "100%"),
+        ([(0.0, 0.0), (0.1, 0.6), (10.0, 0.7)], "70%, about 30 s left"),  # read from a folder in no time
+        ([(0.0, 0.0), (30.0, 0.9), (40.0, 0.0), (50.0, 0.25)], "25%, about 30 s left"),  # it goes back
     ],
 )
 def test_the_time_left_is_that_at_the_speed_since_the_first_report(clock, reports, expected):

@@ -125,10 +125,10 @@ def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(run, tmp
 
 def test_evolve_names_the_differences_to_an_existing_run(run, tmp_path):
     for changes, message in (
-        ({}, "contains this run already; resume it, or name another folder"),
+        ({}, r"contains this run already; ev.resume\(.* goes on with it; or name another folder"),
         (
             {"seed": 1, "sigma": 0.2},
-            r"contains another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); resume it",
+            r"contains another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); ev.resume",
         ),
     ):
         with pytest.raises(RunError, match=message):

@@ -42,6 +42,10 @@ def simulate(jobs, threads):
     return outcomes
 
 
+def find_no_ground():
+    raise ValueError("no ground")
+
+
 @pytest.fixture(autouse=True)
 def _use_made_physics(monkeypatch):
     monkeypatch.setattr(exam_module, "make_exam_scan", lambda place, seed: f"{place} {seed}")
@@ -85,7 +89,7 @@ def test_equal_seeds_give_equal_bits_at_any_number_of_workers_and_learning_beats
     other = run(method, seeds=(1,)).entries[-1]
     assert (other.body, other.genotype) != (entries[-1].body, entries[-1].genotype)
     for entry in entries:  # a generation that has begun is finished
-        assert 0.8 * BUDGET <= entry.seconds <= 0.8 * BUDGET + 40.0 + 125.0
+        assert 0.8 * BUDGET <= entry.seconds <= BUDGET + 40.0
     rows = examine("zero", method)
     least = {"cmaes": 1e-3, "path": 0.0}.get(method, -np.inf)  # "path" has too many genes for this budget
     assert all(rows[each.task, method] >= rows[each.task, "zero"] + least for each in entries)
@@ -104,6 +108,9 @@ def test_practice_counts_time_and_tries_the_best_again():
     assert (practice.seconds, practice.generation, practice.has_time()) == (10.0, 1, False)
     assert fitness[1] == pytest.approx(1.5 + 1.0 - 0.2 * 0.03)
     np.testing.assert_array_equal(practice.choose(), np.full(genes, 0.3))
+    assert practice.seconds == 10.0  # no time is left to try it again
+    practice.budget = 62.0
+    np.testing.assert_array_equal(practice.choose(), np.full(genes, 0.3))
     assert practice.seconds == 10.0 + 2 * 5 * 5.0
     assert [trials.count for trials in asked] == [1, 1, 5, 5]
     learned = {int(np.random.SeedSequence(list(trials.seed)).generate_state(1)[0]) for trials in asked}
@@ -115,6 +122,8 @@ def test_what_does_not_exist_or_suit_is_refused():
         find_suite_task("moon")
     with pytest.raises(RunError, match="method"):
         run_suite("moon", (0,), simulate=simulate)
+    with pytest.raises(RunError, match="none of 8 genotypes could be tried: ValueError: no ground"):
+        run_suite("random", (0,), simulate=lambda jobs, threads: find_no_ground())
     # before anything is run
     with pytest.raises(RunError, match="the seed is 12; those of the task are 0, 1"):
         run_suite("zero", (0, 12), simulate=lambda jobs, threads: pytest.fail("a search was begun"))

@@ -86,3 +86,9 @@ def test_sheets_that_cannot_be_parted_lose_the_faces_that_lie_across_others():
     assert not find_folded(moved, kept).any()
     np.testing.assert_array_equal(np.unique(kept), np.arange(len(moved)))
     assert len(kept) == 2
+
+
+def test_an_edge_without_length_has_no_direction_in_single_precision_either():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    with np.errstate(all="raise"):
+        assert np.isfinite(unfold_faces(vertices, np.array([[0, 1, 3], [1, 2, 3]]))).all()

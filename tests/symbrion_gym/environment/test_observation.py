@@ -131,6 +131,7 @@ def test_a_part_of_the_simulations_may_begin_first():
             TaskError,
             r"returned \(1,\); an array of shape \(1, 2\) is needed",
         ),
+        ({"function": lambda state: state.up * np.nan}, TaskError, "sensor 'up' returned .* not finite"),
         ({"name": "pitch"}, OptionError, "two sensors have one name"),
     ],
 )

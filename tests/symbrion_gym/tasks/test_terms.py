@@ -1,5 +1,7 @@
 """Terms of a user that return the wrong thing are named; when a body is stuck."""
 
+from types import SimpleNamespace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -45,6 +47,7 @@ class Never(PassFinish):
             {"terminations": (Termination("low", lambda state: state.height < 0.0),)},
             r"termination 'low' .*shape \(3, 2\)",
         ),
+        ({"rewards": (Reward("log", lambda state: state.tick * np.nan),)}, "reward 'log' .* is not finite"),
         ({"goal": Column()}, r"progress of Column returned an array of shape \(3, 2\)"),
         ({"goal": Never()}, r"has_arrived of Never returned an array of shape \(\).* 3 simulations.*\(3,\)"),
     ],
@@ -59,6 +62,15 @@ def test_a_wrong_shape_is_told_with_the_name_of_the_term(parts, message):
 
     with pytest.raises(TaskError, match=message):
         run()
+
+
+def test_only_of_an_unstable_simulation_a_term_may_be_anything():
+    check = check_function("reward 'up'", lambda state: state.up)
+    state = SimpleNamespace(num=2, is_sound=np.array([True, False]), up=np.array([1.0, np.inf]))
+    assert check(state) is state.up
+    state.is_sound[1] = True
+    with pytest.raises(TaskError, match="not finite"):
+        check(state)
 
 
 def test_terms_of_ours_are_called_as_they_are():

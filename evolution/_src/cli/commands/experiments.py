@@ -18,6 +18,7 @@ from evolution._src.cli.command import (
 from evolution._src.cli.console import Console
 from evolution._src.cli.scan_source import Box, FrameCommand, check_box, crop_cloud
 from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.range_checks import format_count
 
 _STORY_COLUMNS = {
     "seed": "seed",
@@ -137,7 +138,13 @@ def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
     """Print what a robot has learned, and return it as a summary."""
     from evolution._src.experiments.training import GOOD, TRIALS
 
-    console.print_line(str(result.verdict))
+    config = result.run.config
+    for where, arena in (("training", result.arena), ("other half", result.other)):
+        if arena is not None:
+            console.print_line(f"model, {where}: {arena.verdict}")
+    places = [config.start, *dict(config.environment).get("places", ()), config.goal]
+    way = " to ".join(map(str, places)) if config.goal else "across the gap"
+    console.print_line(f"way of {format_count(config.modules, 'module', 'modules')}: {way}")
     for where, drivers in result.held.items():
         counts = ", ".join(f"{name} {count}" for name, count in drivers.items())
         console.print_line(f"held of {TRIALS} trials, {where}: {counts}")
@@ -146,7 +153,6 @@ def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
             "not a good champion; another way by --start X Y --goal X Y, or --seed, may have one"
         )
     console.print_line(f"page: {result.page.resolve()}")
-    config = result.run.config
     return {
         "folder": result.folder,
         "page": result.page,

@@ -164,16 +164,18 @@ def _train(
     scale = float(np.sqrt(sum_rows((points - center) ** 2).mean()))
     scaled = ((points - center) / scale).astype(np.float32)[rng.permutation(len(points))]
     is_movable = None if start is None else start.is_movable
+    tiles = None
     if config.mode == "paper":
         units = grid_paper.train(scaled, config.wanted_units, config.triangles, config.rule, rng, progress)
     else:
         begun = None if start is None else start._replace(units=((start.units - center) / scale))
-        units = _train_batch(scaled, config, rng, progress, begun)
+        tiles = make_tiles(scaled)
+        units = _train_batch(scaled, tiles, config, rng, progress, begun)
     progress("done", 1.0)
     rows, columns = units.shape[:2]
     has_face = np.ones((rows - 1, columns - 1), dtype=bool)
-    if config.mode == "batch":
-        has_face = find_covered_cells(units, scaled)
+    if tiles is not None:
+        has_face = find_covered_cells(units, tiles.tree)
         units = untangle_sheet(units, has_face, is_movable)
     units = units.astype(np.float64) * scale + center
     if start is not None:
@@ -183,13 +185,13 @@ def _train(
 
 def _train_batch(
     points: Points,
+    tiles: Tiles,
     config: GrowingGridConfig,
     rng: np.random.Generator,
     progress: Progress,
     start: _Start | None,
 ) -> Float[np.ndarray, "R C 3"]:
     """Drop outliers, grow or go on from a start, fit."""
-    tiles = make_tiles(points)
     is_sound = measure_density(points, tiles.tree, rng).weights > 0
     if not is_sound.all():
         points = points[is_sound]

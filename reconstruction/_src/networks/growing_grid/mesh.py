@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, cross_rows, sum_rows
+from reconstruction._src.geometry.rows import Faces, Vertices, compute_lengths, cross_rows, sum_rows
 from reconstruction._src.surfaces.unfolding import unfold_faces
 
 MAX_UNFOLDINGS = 6
@@ -107,8 +107,8 @@ _MAX_VOID = 0.5  # A cell of which a larger share lies far from all points is no
 _NUM_NEAR = 10  # Neighbors in the ball that measures the spacing of the points
 
 
-def find_covered_cells(units: Float[np.ndarray, "R C 3"], points: Points) -> Bool[np.ndarray, "R-1 C-1"]:
-    """Return which cells belong to the surface: not those drawn out over a hole without points."""
+def find_covered_cells(units: Float[np.ndarray, "R C 3"], tree: cKDTree) -> Bool[np.ndarray, "R-1 C-1"]:
+    """Return which cells belong to the surface: not those drawn out over a hole without points, given their tree."""
     down = compute_lengths(np.diff(units, axis=0))
     across = compute_lengths(np.diff(units, axis=1))
     sides = np.stack([down[:, :-1], down[:, 1:], across[:-1], across[1:]])
@@ -121,10 +121,10 @@ def find_covered_cells(units: Float[np.ndarray, "R C 3"], points: Points) -> Boo
     upper = (1 - t) * units[row, column] + t * units[row, column + 1]
     lower = (1 - t) * units[row + 1, column] + t * units[row + 1, column + 1]
     places = (1 - s) * upper + s * lower
-    tree = cKDTree(points)
     distances, nearest = tree.query(places)
-    spacing = tree.query(points[nearest], k=min(_NUM_NEAR, len(points) - 1) + 1)[0][..., -1]
-    is_void = distances > np.maximum(spacing, typical)
+    is_void = distances > typical
+    spacing = tree.query(tree.data[nearest[is_void]], k=[min(_NUM_NEAR, tree.n - 1) + 1])[0][:, 0]
+    is_void[is_void] = distances[is_void] > spacing
     is_covered[row, column] = is_void.mean(axis=0) < _MAX_VOID
     return open_pinches(is_covered)
 

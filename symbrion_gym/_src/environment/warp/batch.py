@@ -13,7 +13,8 @@ from jaxtyping import Bool, Int
 from mujoco.batch import Batch
 
 from reconstruction._src.base.extras import require_extras
-from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, check_count
+from symbrion_gym._src.environment.config import check_count
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.randomization import VARIED
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError

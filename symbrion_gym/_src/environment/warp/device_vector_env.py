@@ -12,7 +12,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from jaxtyping import Bool, Float, Int
 
-from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv, check_count
+from symbrion_gym._src.environment.config import check_count
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.randomization import Domain, list_random, split_reset
 from symbrion_gym._src.environment.warp.batch import WarpBatch, list_columns
 from symbrion_gym._src.environment.warp.state import Episode
