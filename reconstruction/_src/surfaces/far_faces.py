@@ -100,7 +100,8 @@ def find_far_faces(
     probes = samples[:: max(1, len(samples) // _PROBES), 0]
     least = float(np.median(_measure_spacing(tree, tree.query(probes)[1], _NEIGHBORS)))
     limit = _SEEN_REACH * least
-    is_open = np.isinf(tree.query(samples, distance_upper_bound=np.nextafter(limit, np.inf))[0])
+    bound = np.nextafter(limit, np.inf)
+    is_open = np.isinf(tree.query(samples, distance_upper_bound=bound, workers=-1)[0])
     if not is_open.any():
         return is_far
     rows, columns = np.nonzero(is_open)

@@ -93,7 +93,7 @@ def find_candidates(
     tiles: Tiles, units: Float[np.ndarray, "U 3"], num_candidates: int
 ) -> tuple[Int[np.ndarray, "T C"], Float[np.ndarray, " T"]]:
     """Find the units nearest to each tile's center."""
-    distances, candidates = cKDTree(units).query(tiles.centers, k=num_candidates)
+    distances, candidates = cKDTree(units).query(tiles.centers, k=num_candidates, workers=-1)
     candidates = candidates.reshape(len(tiles.centers), num_candidates).astype(np.int32)
     reach = distances.reshape(len(tiles.centers), num_candidates)[:, -1]
     return candidates, reach if num_candidates < len(units) else np.full(len(reach), np.inf)
