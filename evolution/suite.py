@@ -6,10 +6,11 @@ from reconstruction._src.base.lazy import export_lazily
 
 if TYPE_CHECKING:
     from evolution._src.suite.submission import Entry, Submission, fill_submission, load_submission
-    from evolution._src.suite.tasks import BUDGET, SUITE, SuiteTask, find_suite_task
+    from evolution._src.suite.tasks import BUDGET, SEEDS, SUITE, SuiteTask, find_suite_task
 
 __all__ = [
     "BUDGET",
+    "SEEDS",
     "SUITE",
     "Entry",
     "Submission",

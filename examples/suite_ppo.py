@@ -25,7 +25,7 @@ from evolution._src.backends.rollout import make_environment_options
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.baselines import LEARNING_SEED
-from evolution.suite import BUDGET, SUITE, Entry, SuiteTask, fill_submission, find_suite_task
+from evolution.suite import BUDGET, SEEDS, SUITE, Entry, SuiteTask, fill_submission, find_suite_task
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
 from symbrion_gym._src.robot.body_plans import organism_to_text
@@ -109,7 +109,7 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     tasks = [find_suite_task(name) for name in options.tasks]
-    pairs = [(task, seed) for task in tasks for seed in options.seeds or task.seeds]
+    pairs = [(task, seed) for task in tasks for seed in options.seeds or SEEDS]
     provenance = describe_origin() | {"method": "ppo", "settings": SETTINGS, "budget": BUDGET}
     done = fill_submission("ppo", train, pairs, provenance, options.out, lambda what, share: print(what))
     print(f"{options.out}: {len(done.entries)} entries")

@@ -17,7 +17,7 @@ from evolution._src.search.cmaes import Strategy
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.exam import SCORING
 from evolution._src.suite.submission import Entry, Submission, fill_submission
-from evolution._src.suite.tasks import BUDGET, SUITE, SuiteTask, find_suite_task
+from evolution._src.suite.tasks import BUDGET, SEEDS, SUITE, SuiteTask, find_suite_task
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.robot.body_plans import organism_to_text
@@ -135,9 +135,7 @@ def run_suite(
         return fill_submission(
             method if budget == BUDGET else f"{method}, {budget:g} s",
             lambda task, seed: run_baseline(method, task, seed, backend, budget),
-            sorted(
-                ((task, seed) for task in chosen for seed in seeds or task.seeds), key=lambda pair: pair[1]
-            ),
+            sorted(((task, seed) for task in chosen for seed in seeds or SEEDS), key=lambda pair: pair[1]),
             describe_origin() | {"method": method, "budget": budget},
             out,
             progress,

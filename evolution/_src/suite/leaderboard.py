@@ -11,7 +11,7 @@ from scipy import stats
 
 from evolution._src.suite.exam import LONGEST_LINE, TRIALS, Exam, Result
 from evolution._src.suite.submission import Submission
-from evolution._src.suite.tasks import BUDGET, SUITE, VERSION, find_suite_task
+from evolution._src.suite.tasks import BUDGET, SEEDS, SUITE, VERSION
 from reconstruction._src.base.printable import make_printable
 
 COLUMNS = ("submission", "place", "seeds", "truth", "scan", "fitness", "spent [s]")
@@ -62,7 +62,7 @@ def rank(exam: Exam) -> list[Row]:
             (each for each in exam.results if each.entry.task == task.name), key=lambda each: each.submission
         )
         own = [_sum_up(list(each)) for _, each in groupby(results, key=lambda each: each.submission)]
-        means = [row.truth.mean for row in own if row.seeds == len(task.seeds)]
+        means = [row.truth.mean for row in own if row.seeds == len(SEEDS)]
         own = [row._replace(place=_find_place(row, means)) for row in own]
         rows += sorted(own, key=lambda row: (-row.truth.mean, -row.fitness, row.submission))
     return rows
@@ -92,7 +92,7 @@ def estimate(values: Sequence[float]) -> Estimate:
 
 
 def _find_place(row: Row, means: Sequence[float]) -> str:
-    if row.truth.mean <= 0.0 or row.seeds < len(find_suite_task(row.task).seeds):
+    if row.truth.mean <= 0.0 or row.seeds < len(SEEDS):
         return "–"
     return f"{1 + sum(each > row.truth.mean for each in means)}{'=' * (means.count(row.truth.mean) > 1)}"
 

@@ -17,7 +17,7 @@ from evolution._src.backends.settings import read_organism
 from evolution._src.controllers.finding import check_genotype, find_controller
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.errors import RunError
-from evolution._src.suite.tasks import BUDGET, VERSION, SuiteTask, find_suite_task
+from evolution._src.suite.tasks import BUDGET, SEEDS, VERSION, SuiteTask, find_suite_task
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.typed_json import JsonError, as_type, read_json
@@ -107,16 +107,14 @@ def _check_entry(entry: Entry) -> None:
         check_genotype(entry.task, entry.genotype, find_controller(entry.controller, organism, tracks))
     if not all(isfinite(value) for value in entry.genotype):
         raise RunError(f"{entry.task}: the genotype is not finite")
-    _check_seed(task, entry.seed)
+    _check_seed(entry.seed)
     if not 0.0 <= entry.seconds <= _TOLERANCE * BUDGET:
         raise RunError(f"{entry.task}: {entry.seconds:.0f} s were spent, of a budget of {BUDGET:.0f} s")
 
 
-def _check_seed(task: SuiteTask, seed: int) -> None:
-    if seed not in task.seeds:
-        raise RunError(
-            f"{task.name}: the seed is {seed}; those of the task are {', '.join(map(str, task.seeds))}"
-        )
+def _check_seed(seed: int) -> None:
+    if seed not in SEEDS:
+        raise RunError(f"the seed is {seed}; those of the tasks are {', '.join(map(str, SEEDS))}")
 
 
 def fill_submission(
@@ -129,8 +127,8 @@ def fill_submission(
 ) -> Submission:
     """Return a submission with an entry for each task and seed, as a function of both finds it; those that the file
     has are kept."""
-    for task, seed in pairs:
-        _check_seed(task, seed)
+    for _, seed in pairs:
+        _check_seed(seed)
     submission = Submission(name, (), provenance)
     if out is not None and out.exists():
         known = load_submission(out)

@@ -95,7 +95,7 @@ def find_far_faces(
     is_far = np.zeros(len(faces), dtype=bool)
     if len(faces) == 0 or len(points) <= _NEIGHBORS:
         return is_far
-    tree = cKDTree(points, leafsize=16, balanced_tree=False)  # built in half the time
+    tree = cKDTree(points, leafsize=16, balanced_tree=False)  # built in two thirds of the time
     samples = np.einsum("sc,fci->fsi", _CORNERS, vertices[faces])
     probes = samples[:: max(1, len(samples) // _PROBES), 0]
     least = float(np.median(_measure_spacing(tree, tree.query(probes)[1], _NEIGHBORS)))

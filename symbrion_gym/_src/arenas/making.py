@@ -16,7 +16,7 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.mesh_repair import RepairConfig
-from reconstruction._src.tiles.folder import TiledSurface
+from reconstruction._src.tiles.folder import INDEX, TiledSurface
 from symbrion_gym._src.arenas.arena import Arena, color_arena
 from symbrion_gym._src.arenas.cache import find_versions, get_or_make
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
@@ -245,11 +245,11 @@ def load_arena(
 
     Args:
         name: "truth", "simple" and "stairs" are made in code; "gsrm" and "gg" come with the package. Anything
-            else is a path: a folder that `Arena.save` wrote, or a mesh file for `make_arena`. A folder of yours
-            with one of these names is `./gsrm`.
+            else is a path: a folder that `Arena.save` wrote, a mesh file for `make_arena`, or a folder of tiles for
+            `load_tiles`. A folder of yours with one of these names is `./gsrm`.
         course: other sizes, for the arenas made in code; for a mesh file see `make_arena`.
         pit: width of the pit of "truth" or "simple" [m], in place of a course with nothing else changed.
-        options: options of `make_arena`, for a mesh file.
+        options: options of `make_arena` or `load_tiles`, for a mesh file or tiles.
 
     Raises:
         ArenaError: there is no such arena, or none with such a pit.
@@ -262,6 +262,8 @@ def load_arena(
         return replace(exact, surface=make_simple_surface(course or default)) if name == "simple" else exact
     path = find_assets() / "arenas" / name if name in SCANNED else Path(name)
     try:
+        if (path / INDEX).is_file():
+            return load_tiles(path, **options)
         if path.is_dir():
             return Arena.load(path)
         if path.is_file() and path.name == "arena.json":

@@ -21,7 +21,6 @@ from symbrion_gym._src.arenas.friction_map import find_piece_patches
 from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym._src.arenas.spec import PATCH_PRIORITY
-from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.config import (
     MAX_MODULES,
     SCOUT_OPTIONS,
@@ -78,10 +77,7 @@ def _make_course_arena(name: str, config: EnvironmentConfig) -> Arena:
 
 
 def _load(arena: str | Path, config: EnvironmentConfig) -> Arena:
-    """Return a named arena, or one from a folder or a file; a surface in a file is made an arena, with progress."""
-    if arena in NAMED_ARENAS or not Path(arena).is_file() or Path(arena).name == "arena.json":
-        return load_arena(arena)
-    logger.info("arena of %s: made once, then kept in the cache", arena)
+    """Return a named arena, or one from a folder or a file; a surface in a file or in tiles is made one."""
     return load_arena(arena, progress=config.progress or _log_progress)
 
 

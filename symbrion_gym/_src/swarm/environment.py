@@ -159,6 +159,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self._senses = Senses(self.world, self.options.noise)
         self._signals = Signals(self.world, self.options.noise)
         self.possible_agents = [f"robot_{index}" for index in range(count)]
+        self._rows = {agent: row for row, agent in enumerate(self.possible_agents)}
         self.agents: list[str] = []
         self._action = {
             agent: spaces.Box(-1.0, 1.0, (_NUM_ACTIONS,), np.float32) for agent in self.possible_agents
@@ -278,13 +279,13 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         idle[3:] = -1.0
         result = np.tile(idle, (self.world.num_robots, 1))
         for agent, action in actions.items():
-            if agent not in self._action:
+            if agent not in self._rows:
                 raise OptionError(f"no agent {agent!r}; there are robot_0 to {self.possible_agents[-1]}")
             values = np.asarray(action, dtype=np.float64)
             if values.shape != idle.shape or not np.isfinite(values).all():
                 raise OptionError(f"the action of {agent} must be 15 finite numbers, got {action!r}")
-            result[self.possible_agents.index(agent)] = np.clip(values, -1.0, 1.0)
-        return result
+            result[self._rows[agent]] = values
+        return np.clip(result, -1.0, 1.0)
 
     def _has_succeeded(self) -> bool:
         if self.options.task == "assemble":

@@ -21,7 +21,7 @@ from evolution._src.suite.baselines import METHODS, Practice, run_suite
 from evolution._src.suite.exam import TRIALS, Exam, Result, Score, hold_exam
 from evolution._src.suite.leaderboard import estimate, make_page, rank
 from evolution._src.suite.submission import Entry, Submission, fill_submission, load_submission
-from evolution._src.suite.tasks import SUITE, find_published_arena, find_suite_task, make_true_arena
+from evolution._src.suite.tasks import SEEDS, SUITE, find_published_arena, find_suite_task, make_true_arena
 from symbrion_gym._src.arenas.arena import Arena
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
@@ -125,7 +125,7 @@ def test_what_does_not_exist_or_suit_is_refused():
     with pytest.raises(RunError, match="none of 8 genotypes could be tried: ValueError: no ground"):
         run_suite("random", (0,), simulate=lambda jobs, threads: find_no_ground())
     # before anything is run
-    with pytest.raises(RunError, match="the seed is 12; those of the task are 0, 1"):
+    with pytest.raises(RunError, match="the seed is 12; those of the tasks are 0, 1"):
         run_suite("zero", (0, 12), simulate=lambda jobs, threads: pytest.fail("a search was begun"))
 
 
@@ -202,6 +202,7 @@ class Cheat:
     def act(self, observation, genotype, structure, state):
         if genotype[0, 0] > 0.8: __import__("time").sleep(60.0)
         if genotype[0, 0] > 0.5: raise SystemExit(0)
+        if genotype[0, 0] < -0.5: raise ValueError("no such\\ngene")
         return np.tile(state[:, None], (1, self.size)), state + 1
 class Peek(Cheat):
     sensors = ("odometry",)
@@ -209,7 +210,7 @@ class Peek(Cheat):
 
 
 @pytest.mark.slow
-def test_code_of_a_submission_gives_actions_alone(entry, tmp_path, monkeypatch):
+def test_code_of_a_submission_gives_actions_alone(entry, tmp_path, monkeypatch, capfd):
     (tmp_path / "cheat.py").write_text(CHEAT)
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "signal.py").write_text("open('mark', 'w')\n")  # in place of Python's own
@@ -229,17 +230,23 @@ def test_code_of_a_submission_gives_actions_alone(entry, tmp_path, monkeypatch):
     own = replace(entry, controller="cheat:Cheat", genotype=(0.0,))
     ended = Submission("ended", (replace(own, genotype=(0.6,)),))
     hangs = Submission("hangs", (replace(own, genotype=(0.9,)),))
+    raises = Submission("raises", (replace(own, genotype=(-0.6,)),))
     peeks = Submission("peeks", (replace(own, controller="cheat:Peek"),))
     opens = Submission("opens", (replace(own, controller="cheat:np.lib.stride_tricks.np.zeros"),))
     many = Submission("many", (replace(own, genotype=(0.0,) * 9),))
     exam = hold_exam(
-        [Submission("cheat", (own,)), ended, peeks, opens, many], 0, allow=("cheat",), simulate=act
+        [Submission("cheat", (own,)), ended, raises, peeks, opens, many], 0, allow=("cheat",), simulate=act
     )
+    told = capfd.readouterr().err.splitlines()
+    assert [line.partition(": ")[0] for line in told] == [
+        "cheat:Cheat",
+        "cheat:np.lib.stride_tricks.np.zeros",
+    ]
     assert acted[:3] == [[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]]
     assert exam.results[0].truth.successes == 0
-    assert [name for name, _ in exam.untried] == ["ended", "peeks", "opens", "many"]
-    assert "9 genes" in exam.untried[3][1]
-    assert "reads odometry" in exam.untried[1][1]
+    assert [name for name, _ in exam.untried] == ["ended", "raises", "peeks", "opens", "many"]
+    assert "9 genes" in exam.untried[4][1]
+    assert "reads odometry" in exam.untried[2][1]
     assert not (tmp_path / "here" / "mark").exists()
     monkeypatch.setattr(exam_module, "_PATIENCE", 4.0)
     assert hold_exam([hangs], 0, allow=("cheat",), simulate=act).untried[0][0] == "hangs"
@@ -259,7 +266,7 @@ def job_law(job):
         ({"task": "moon"}, "no task 'moon'"),
         ({"body": "/etc/hostname"}, "the task gives"),
         ({"genotype": (0.0,) * 9}, "9 genes"),
-        ({"seed": -1}, "those of the task"),
+        ({"seed": -1}, "those of the tasks"),
     ],
 )
 def test_entries_that_break_a_rule_are_refused(entry, changes, message):
@@ -296,7 +303,7 @@ def make_exam(entry, scores):
     results = [
         Result(
             name,
-            replace(entry, seed=find_suite_task(TASK).seeds[number], genotype=(0.1 * number,) * 8),
+            replace(entry, seed=SEEDS[number], genotype=(0.1 * number,) * 8),
             Score(1.0, 0),
             Score(float(number), each),
         )
@@ -315,7 +322,7 @@ def test_an_estimate_is_the_interquartile_mean_with_an_interval_that_narrows_wit
 
 
 def test_the_ranking_is_by_successes_in_the_truth_with_ties_and_no_place_without_one(tmp_path, entry):
-    count = len(find_suite_task(TASK).seeds)
+    count = len(SEEDS)
     scores = {
         "a": (0,) * count,
         "b": (7,) * count,

@@ -1,5 +1,6 @@
 """An arena of the tiles around a robot."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
@@ -43,6 +44,15 @@ def test_seams_inside_of_an_arena_are_closed(folder):
     arena = sg.load_tiles(folder, (4.0, 4.0), 1.0, kind="hfield", cache=False)
     assert np.allclose(arena.surface.bounds[:, :2], [[0, 0], [8, 8]])
     assert len(trimesh.graph.connected_components(arena.surface.edges)) == 1
+
+
+def test_a_folder_of_tiles_is_an_arena_wherever_one_is_named(folder):
+    arena = sg.load_arena(folder, center=(1.0, 1.0), radius=1.5, cache=False)
+    assert np.allclose(arena.surface.bounds[:, :2], [[0, 0], [4, 4]])
+    options = {"task": "reach", "start": (2.0, 2.0), "goal": (5.0, 4.0), "modules": 1}
+    env = gym.make("symbrion_gym/SnakePit-v1", arena=str(folder), track_control="skid", **options)
+    env.reset(seed=0)
+    assert np.allclose(env.unwrapped.world.arena.surface.bounds[:, :2], [[0, 0], [8, 8]])
 
 
 def test_a_place_without_tiles_and_a_folder_without_are_refused(folder, tmp_path):

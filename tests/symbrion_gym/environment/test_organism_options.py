@@ -49,6 +49,8 @@ def test_a_ready_organism_keeps_what_no_option_names():
         ({"track_speed": 100}, "track_speed must be a number from 0 to 2"),
         ({"hinge_torque": 1e3}, "hinge_torque must be a number from 0.001 to 100"),
         ({"track_control": "skids"}, "skid, constant, body, modules"),
+        ({"rewards": ()}, r"'rewards' is a field of `symbrion_gym.Task`; give task=Task\(...\)"),
+        ({"width": 0}, "width must be a whole number above 0, got 0"),
     ],
 )
 def test_options_that_contradict_are_refused_by_name(options, message):

@@ -144,6 +144,7 @@ def test_bad_arguments_are_refused():
         ({"num_envs": 0}, "num_envs must be"),
         ({"num_thread": 2}, "there are: num_threads, "),
         ({"num_threads": -1}, "num_threads must be"),
+        ({"num_threads": "x"}, "num_threads must be a whole number above 0, got 'x'"),
         ({"render_mode": "human"}, "no render mode"),
     ):
         with pytest.raises(ValueError, match=message):

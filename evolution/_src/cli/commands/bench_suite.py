@@ -64,10 +64,11 @@ class BenchSuite(TrustingCommand):
         return actions[self.action](console)
 
     def _list(self, console: Console) -> dict[str, Any]:
-        from evolution._src.suite.tasks import BUDGET, SUITE
+        from evolution._src.suite.tasks import BUDGET, SEEDS, SUITE
 
-        rows = [[task.name, task.place, str(task.body), str(len(task.seeds))] for task in SUITE]
-        console.show_table(f"Tasks, {BUDGET:.0f} s each", ["task", "place", "body", "seeds"], rows)
+        rows = [[task.name, task.place, str(task.body)] for task in SUITE]
+        title = f"Tasks, {len(SEEDS)} seeds, {BUDGET:.0f} s each"
+        console.show_table(title, ["task", "place", "body"], rows)
         return {"tasks": [task.name for task in SUITE], "budget": BUDGET}
 
     def _run(self, console: Console) -> dict[str, Any]:
