@@ -34,12 +34,13 @@ class FrameCommand(SeededCommand):
     unit: Literal["m", "cm", "mm", "ft", "us-ft", "in"] | None = None
     """Length unit of the file. Default: what the file says (.las, .e57, .glb, .gltf, .dae), otherwise meters."""
     up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
-    """Axis of the file that points up. Default: what the file says, otherwise z."""
+    """Axis of the file that points up. Default: what the file says, otherwise z, unless the surface tells."""
     scale: float = 1.0
     """Factor on all lengths, for files whose unit has no name."""
     viewpoint: tuple[Position, ...] = ()
     """Where the scanner stood: X Y Z, or several positions one after the other [m], in the coordinates of the file
-    with z up. Default: what the file says. The surface faces it, and contact grows away from it."""
+    with z up. Default: what the file says, or the origin where hardly a reading hides another from it. The surface
+    faces it, and contact grows away from it."""
 
     def check(self) -> None:
         super().check()

@@ -345,21 +345,23 @@ def _list_ways(
 
 
 def _find_confirmed(arenas: list[sg.Arena], body: Organism, near: Place | None) -> Float[np.ndarray, "N 2"]:
-    """Return (x, y) of places with room around them, drivable in all models; those of one region, that of a place."""
+    """Return (x, y) of places with room around them, drivable in all models, of the largest or nearest region."""
     grounds = [arena.traversability(body) for arena in arenas]
     first, room = grounds[0], 2.0 * grounds[0].footprint.reach
-    region = 0
-    if near is not None and first.num_regions:
-        usable = np.flatnonzero(first.is_drivable)
-        away = np.linalg.norm(first.positions[usable, :2] - np.asarray(near)[:2], axis=1)
-        region = int(first.region[usable[np.argmin(away)]])
-    chosen: Int[np.ndarray, " N"] = np.flatnonzero((first.region == region) & (first.wall_distance >= room))
+    chosen: Int[np.ndarray, " N"] = np.flatnonzero(first.is_drivable & (first.wall_distance >= room))
     for ground in grounds[1:]:
         places = first.positions[chosen]
         found = ground.sorted_heights.find_nearest(ground.grid.compute_cells(places[:, :2]), places[:, 2])
         is_there = (found >= 0) & (np.abs(ground.height[found] - places[:, 2]) <= 2 * _AGREE)
         chosen = chosen[is_there & (ground.wall_distance[found] >= room) & ground.is_drivable[found]]
-    return first.positions[chosen, :2]
+    if not len(chosen):
+        return first.positions[chosen, :2]
+    region = first.region[chosen]
+    if near is None:
+        wanted = np.bincount(region).argmax()
+    else:
+        wanted = region[np.linalg.norm(first.positions[chosen, :2] - near, axis=1).argmin()]
+    return first.positions[chosen[region == wanted], :2]
 
 
 def judge_in(arena: sg.Arena, run: Run, seed: int, workers: int) -> dict[str, int]:

@@ -32,7 +32,7 @@ _INSIDE = 0.5
 _LEVEL = 0.9
 """A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
 _MOST_LEVEL, _LEAST_LEVEL = 4.0, 0.25
-"""Another axis than z points up where so many times more area is level along it, and this share of all area."""
+"""Another axis than z points up where so many times more is level along it than along any other, and so much of all."""
 _LOWEST = 0.15  # The bottom of a surface is this share of its height
 _LARGEST = 2.0**30  # Flows are 32-bit integers; the sum of the capacities at a face stays below
 
@@ -145,28 +145,30 @@ def looks_down_below(vertices: Vertices, faces: Faces) -> bool:
     return below < 0.0 < above
 
 
-def measure_level_areas(vertices: Vertices, faces: Faces) -> Float[np.ndarray, " 3"]:
-    """Return the share of the area whose normal lies along x, along y and along z, to 25 degrees."""
-    cross = compute_area_vectors(vertices, faces)
-    area = compute_lengths(cross)
-    is_level = np.abs(cross) > _LEVEL * area[:, None]
-    return (area[:, None] * is_level).sum(axis=0) / max(float(area.sum()), np.finfo(float).tiny)
+def measure_level_areas(areas: Float[np.ndarray, "F 3"]) -> Float[np.ndarray, " 3"]:
+    """Return the share of the area whose normal lies along x, along y and along z, to 25 degrees, of area vectors."""
+    size = compute_lengths(areas)
+    is_level = np.abs(areas) > _LEVEL * size[:, None]
+    return (size[:, None] * is_level).sum(axis=0) / max(float(size.sum()), np.finfo(float).tiny)
 
 
-def find_up_axis(vertices: Vertices, faces: Faces) -> str | None:
+def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 3"]) -> str | None:
     """Return the axis that points up where it is not z beyond doubt: most of what is level lies along it.
 
     Of its two directions that one in which more of the level area lies low, as floors do.
+
+    Args:
+        areas: normals of parts of the surface, each as long as its area.
+        middles: where the parts lie.
     """
-    shares = measure_level_areas(vertices, faces)
+    shares = measure_level_areas(areas)
     axis = int(shares.argmax())
-    if shares[axis] < max(_LEAST_LEVEL, _MOST_LEVEL * shares[2]):
+    if axis == 2 or shares[axis] < max(_LEAST_LEVEL, _MOST_LEVEL * float(np.delete(shares, axis).max())):
         return None
-    cross, height = compute_area_vectors(vertices, faces), vertices[faces].mean(axis=1)[:, axis]
-    area = compute_lengths(cross)
-    area = np.where(np.abs(cross[:, axis]) > _LEVEL * area, area, 0.0)
+    size, height = compute_lengths(areas), middles[:, axis]
+    level = np.where(np.abs(areas[:, axis]) > _LEVEL * size, size, 0.0)
     middle = (height.min() + height.max()) / 2
-    is_low = float(area[height < middle].sum()) >= float(area[height >= middle].sum())
+    is_low = float(level[height < middle].sum()) >= float(level[height >= middle].sum())
     return f"{'' if is_low else '-'}{'xyz'[axis]}"
 
 

@@ -27,7 +27,7 @@ from reconstruction._src.base.bounded_read import (
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.frames import RawPoints, describe_odd_size, find_offset, to_meters
+from reconstruction._src.scans.frames import UP_AXES, RawPoints, describe_odd_size, find_offset, to_meters
 from reconstruction._src.scans.ground import find_heights_above_ground
 from reconstruction._src.scans.mesh_files import CONVERTERS, check_plain, find_kind, read_mesh_points
 from reconstruction._src.scans.pcd import read_pcd
@@ -35,6 +35,12 @@ from reconstruction._src.scans.ply import read_ply, write_ply
 from reconstruction._src.scans.point_rows import check_num_points
 from reconstruction._src.scans.scan import ScanLog, load_3dtk, read_3dtk_points, read_3dtk_pose
 from reconstruction._src.scans.selection import crop
+from reconstruction._src.scans.sensor_frame import (
+    find_up,
+    find_upright,
+    has_ground_below,
+    is_seen_from_origin,
+)
 from reconstruction._src.scans.survey_files import read_e57, read_las
 from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 
@@ -85,7 +91,8 @@ def load_cloud(
     """Read the points of a file with their colors and the positions of the sensor, in meters and with z up.
 
     Viewpoints come from scan logs (each scan's position), 3DTK scans (`.3d` with `.pose`), VIEWPOINT of .pcd files,
-    the poses of .e57 scans, and the arrays ``viewpoints`` and ``seen_from`` of an .npz with ``points``. Coordinates
+    the poses of .e57 scans, and the arrays ``viewpoints`` and ``seen_from`` of an .npz with ``points``; else the
+    scanner stood at the origin where hardly a reading hides another from there. What is found is logged. Coordinates
     far from the origin (1 km) are moved there by whole meters, as meshes keep single precision; `Cloud.offset` is what
     was subtracted.
 
@@ -100,7 +107,8 @@ def load_cloud(
         unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says (.las, .e57, .gltf, .dae, .3d), meters
             where it does not.
         up: axis of the file that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what the file says (.gltf,
-            .dae), "z" where it does not.
+            .dae), "z" where it does not, or x or y where most of what is level lies along it. A picture of a depth
+            camera in its own frame is turned until its floor is level.
         scale: a further factor, for files whose unit has no name.
         max_bytes: most bytes that the file may hold unpacked, and its points in memory (24 bytes each).
         viewpoints: `[K, 3]` or `[3]` where the sensor stood, in meters with z up, before large coordinates are moved;
@@ -116,6 +124,12 @@ def load_cloud(
     path = Path(path)
     raw = _read_sweeps(path, max_bytes) if find_kind(path) == ".3d" else _read_raw(path, max_bytes, classes)
     cloud = _make_cloud(path, raw, unit, up, scale, viewpoints)
+    if (up or raw.up) is None:
+        cloud = _turn_upright(path, cloud)
+    if cloud.viewpoints is None and is_seen_from_origin(cloud.points) and has_ground_below(cloud.points):
+        text = "%s: hardly a reading hides another from the origin: the scanner stood there; viewpoints= says otherwise"
+        _logger.warning(text, path)
+        cloud = cloud.replace(viewpoints=np.zeros((1, 3)))
     if raw.has_cover:
         is_near = find_heights_above_ground(cloud.points) <= _TALLEST
         text = "%s: no point has a class; dropped %d more than %g m above the ground, kept %d; classes 0 1 keep all"
@@ -212,6 +226,23 @@ def _make_cloud(
     return cloud
 
 
+def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
+    """Return a camera's readings with a level floor, and others so that their level surfaces do not stand upright."""
+    is_there = cloud.viewpoints is None or not cloud.viewpoints.any()
+    rotation = find_upright(cloud.points) if is_there else None
+    if rotation is not None:
+        text = "%s: a camera's readings along z, turned until the floor is level; up= says otherwise"
+        _logger.warning(text, path)
+    elif (axis := find_up(cloud.points)) is not None:
+        rotation = np.array(UP_AXES[axis], dtype=np.float64)
+        text = "%s: %s is taken for up, as most of what is level lies along it; up= says otherwise"
+        _logger.warning(text, path, axis)
+    else:
+        return cloud
+    viewpoints = None if cloud.viewpoints is None else cloud.viewpoints @ rotation.T
+    return cloud.replace(points=cloud.points @ rotation.T, viewpoints=viewpoints)
+
+
 def _find_missed(raw: RawPoints) -> Bool[np.ndarray, " N"]:
     """Return which readings stand at the origin or at their own viewpoint, where these are more than one: no return."""
     missed = ~raw.points.any(axis=1)
@@ -273,8 +304,8 @@ def _read_npz(file: BoundedFile) -> RawPoints:
 def _read_float_rows(file: BoundedFile) -> RawPoints:
     """Read rows of float32, as data sets of driving and of rooms have them; what fits tells which.
 
-    x, y, z, reflectance (KITTI; Geiger et al. 2013, IJRR 32(11), table 1) and x, y, z, intensity, ring (nuScenes)
-    have the scanner at the origin; x, y, z, red, green, blue (ScanNet, SUN RGB-D) do not tell where it stood.
+    x, y, z, reflectance (KITTI; Geiger et al. 2013, IJRR 32(11), table 1), x, y, z, intensity, ring (nuScenes), or
+    x, y, z, red, green, blue (ScanNet, SUN RGB-D).
     """
     check_num_points(file, file.size // 16)
     content = file.read_exactly(file.size)
@@ -290,7 +321,7 @@ def _read_float_rows(file: BoundedFile) -> RawPoints:
             colors = np.round(extras * (255 if largest <= 1 else 1)).astype(np.uint8)
             return RawPoints(rows[:, :3].astype(np.float64), colors, meters=1.0, up="z")
         if width == 4 or (width == 5 and is_whole[:, 1].all()):
-            return RawPoints(rows[:, :3].astype(np.float64), viewpoints=np.zeros((1, 3)), meters=1.0, up="z")
+            return RawPoints(rows[:, :3].astype(np.float64), meters=1.0, up="z")
     raise ScanError(
         f"{file.size} bytes are no rows of float32, below {_ROW_RANGE:.0f} m and with reflectance (KITTI), intensity "
         f"and ring (nuScenes) or color; {CONVERTERS['.bin']}"

@@ -16,13 +16,13 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError, require_extras
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import recenter
+from reconstruction._src.scans.frames import CAMERA_AXES
+from reconstruction._src.scans.sensor_frame import find_upright
 
 _DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")  # Files that may hold a depth image
 _PICTURES = ("PNG", "TIFF", "JPEG")
 """Of the kinds that Pillow reads, whatever the ending says: it hands EPS to another program."""
 _POINT_BYTES = 24
-_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Rows: ahead, left and up in the frame of a camera (x right, y down, z ahead)."""
 _MILLIMETER = 0.001
 _MIN_PIXELS = 3
 _RIGID_TOLERANCE = 1e-6
@@ -69,7 +69,7 @@ def load_depth_image(
         depth_scale: meters in a unit of the image; None: 0.001 for whole numbers, 1 for floating point numbers.
         color: a picture aligned with the depth image, of the same size.
         pose: `[4, 4]` camera -> world, the camera's axes being right, down and ahead; the world has z up. None: a
-            level camera at the origin that looks along x, y being left.
+            camera at the origin that looks along x, y being left, turned until the floor that it sees is level.
         max_depth: greater depths are left out [m]; noise of depth cameras grows with the square of depth.
         max_bytes: most bytes of the file, and of the points (24 bytes a pixel).
 
@@ -94,7 +94,7 @@ def load_depth_image(
             f"{color}: has {colors.shape[1]} x {colors.shape[0]} pixels, the depth image {depth.shape[1]} x "
             f"{depth.shape[0]}; align them first"
         )
-    to_world, position = _find_pose(path, pose)
+    to_world, position = (None, np.zeros(3)) if pose is None else _find_pose(path, pose)
     meters = depth.astype(np.float64) * factor
     is_seen = np.isfinite(meters) & (meters > 0) & (meters <= max_depth)
     if is_seen.sum() < _MIN_PIXELS:
@@ -104,16 +104,15 @@ def load_depth_image(
     rays = np.stack(
         [(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy, np.ones(len(u))], axis=1
     )
-    points = (rays * ahead[:, None]) @ to_world.T + position
+    points = rays * ahead[:, None]
+    if to_world is None and (to_world := find_upright(points)) is None:
+        to_world = CAMERA_AXES
+    points = points @ to_world.T + position
     return recenter(Cloud(points, None if colors is None else colors[is_seen], position[None]))
 
 
-def _find_pose(
-    path: Path, pose: ArrayLike | None
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+def _find_pose(path: Path, pose: ArrayLike) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
     """Return rotation and position of the camera in the world."""
-    if pose is None:
-        return _AXES, np.zeros(3)
     try:
         matrix = np.asarray(pose, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -22,6 +22,8 @@ UP_AXES = {
 }
 """Axis of the file that points up -> rows: our x, y, z in the file's coordinates. All are rotations. y: as glTF files
 are; -y: a camera that looks along z, with y down."""
+CAMERA_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Rows: ahead, left and up in the frame of a camera (x right, y down, z ahead)."""
 _SIZES = 0.1, 1000.0  # Longest side of a robot's scene [m]; others mostly are in another unit
 _MAX_DISTANCE = 1000.0
 """A cloud whose middle (median) is farther from the origin than this, and than its own longest side, is moved
@@ -109,16 +111,3 @@ def as_colors(values: Num[np.ndarray, "N 3"]) -> UInt8[np.ndarray, "N 3"] | None
     elif high > _MAX_BYTE:
         finite *= _MAX_BYTE / _MAX_SHORT
     return np.round(finite).astype(np.uint8)
-
-
-def is_plausible_origin(points: Float[np.ndarray, "N 3"]) -> bool:
-    """Return whether the origin can be where the sensor stood: no farther from the points than they extend.
-
-    Formats that always state a viewpoint state the origin where nobody knew it, also for map coordinates.
-    """
-    finite = points[np.isfinite(points).all(axis=1)]
-    if not len(finite):
-        return False
-    low, high = finite.min(axis=0), finite.max(axis=0)
-    outside = np.maximum(np.maximum(low, -high), 0)
-    return bool(np.linalg.norm(outside) <= np.linalg.norm(high - low))

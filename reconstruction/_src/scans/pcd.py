@@ -1,7 +1,7 @@
 """Read the points of a .pcd file (Point Cloud Library): ascii, binary, binary_compressed; colors and viewpoint.
 
 VIEWPOINT says where the sensor stood in the frame of the points, and how it was turned: the points stay as they are,
-as in PCL's own estimation of normals. Writers that do not know it state the origin; see `_find_viewpoint`.
+as in PCL's own estimation of normals. Writers that do not know it state the origin without rotation.
 """
 
 from __future__ import annotations
@@ -15,19 +15,12 @@ from jaxtyping import Float
 from reconstruction._src.base.bounded_read import BoundedFile, check_size
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.frames import RawPoints, as_colors, is_plausible_origin
+from reconstruction._src.scans.frames import RawPoints, as_colors
 
 _NEEDED = ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA")
 _MIN_NUMBER_BYTES = 2  # A number in text takes a digit and a blank, at least
-_UNKNOWN_VIEWPOINT = [
-    0.0,
-    0.0,
-    0.0,
-    1.0,
-    0.0,
-    0.0,
-    0.0,
-]  # Position and quaternion of a writer that knows none
+_UNKNOWN_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+_PADDING = "_"  # Name of fields that hold nothing: any number of bytes, none too
 _COLOR_FIELDS = ("rgb", "rgba")  # Fields with a color as the four bytes of a number, 0xRRGGBB
 _TYPES = {("F", 4), ("F", 8), *((kind, size) for kind in "IU" for size in (1, 2, 4, 8))}
 
@@ -56,17 +49,11 @@ def read_pcd(file: BoundedFile) -> RawPoints:
     if (data := words["DATA"][0]) not in _READERS:
         raise ScanError(f"the .pcd file has DATA {data}; there are: {', '.join(_READERS)}")
     raw = _READERS[data](file, _check_header(words))
-    return raw._replace(viewpoints=_find_viewpoint(words, raw.points))
+    return raw._replace(viewpoints=_find_viewpoint(words))
 
 
-def _find_viewpoint(
-    words: dict[str, list[str]], points: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, "1 3"] | None:
-    """Return the sensor's position, or None where VIEWPOINT does not tell it.
-
-    The value that stands for "unknown" is believed only for ordered points around it: a picture of one sensor in
-    the sensor's own frame.
-    """
+def _find_viewpoint(words: dict[str, list[str]]) -> Float[np.ndarray, "1 3"] | None:
+    """Return the sensor's position, or None where VIEWPOINT does not tell it."""
     if not words.get("VIEWPOINT"):
         return None
     try:
@@ -76,10 +63,7 @@ def _find_viewpoint(
     if len(values) != len(_UNKNOWN_VIEWPOINT) or not np.isfinite(values).all():
         text = " ".join(words["VIEWPOINT"])[:60]
         raise ScanError(f"VIEWPOINT is {text!r}, not position x y z and quaternion w x y z")
-    is_ordered = int(words["HEIGHT"][0]) > 1
-    if values == _UNKNOWN_VIEWPOINT and not (is_ordered and is_plausible_origin(points)):
-        return None
-    return np.array([values[:3]])
+    return None if values == _UNKNOWN_VIEWPOINT else np.array([values[:3]])
 
 
 def _check_header(words: dict[str, list[str]]) -> _Header:
@@ -93,8 +77,9 @@ def _check_header(words: dict[str, list[str]]) -> _Header:
         raise ScanError("FIELDS, SIZE, TYPE and COUNT of the .pcd header have different lengths")
     if width * height != num_points:
         raise ScanError(f"the .pcd header promises {width} x {height} points, and {num_points}")
-    if not _TYPES.issuperset(zip(kinds, sizes, strict=True)) or min(repeats) < 1:
-        raise ScanError("the .pcd header has a field of unknown type or size")
+    for name, kind, size, repeat in zip(fields, kinds, sizes, repeats, strict=True):
+        if name != _PADDING and ((kind, size) not in _TYPES or repeat < 1):
+            raise ScanError(f"the .pcd header has {repeat} of type {kind}{size} in the field {name}")
     places = [fields.index(name) for name in "xyz" if name in fields]
     if len(places) != 3 or any(repeats[place] != 1 for place in places):
         raise ScanError(f"the .pcd file has the fields {' '.join(fields)}, single x y z are needed")

@@ -19,7 +19,7 @@ from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.geometry.pose import to_rotation
 from reconstruction._src.scans import point_rows
-from reconstruction._src.scans.frames import RawPoints, as_colors, is_plausible_origin
+from reconstruction._src.scans.frames import RawPoints, as_colors
 
 if TYPE_CHECKING:
     import laspy
@@ -49,7 +49,6 @@ _ENCODING = re.compile(rb"""encoding\s*=\s*["'](?!utf-8["'])""", re.IGNORECASE)
 _AXES = {"cartesian": ("X", "Y", "Z"), "spherical": ("Range", "Azimuth", "Elevation")}
 """Endings of the names of the coordinates in an .e57 file; with InvalidState: 0 where a point can be used."""
 _COLORS = ("colorRed", "colorGreen", "colorBlue")
-_GRID = ("rowIndex", "columnIndex")
 _ROTATION_TOLERANCE = 1e-3  # How far the length of a quaternion may be from 1
 
 
@@ -189,8 +188,8 @@ class _Pose(NamedTuple):
 def read_e57(path: Path, max_bytes: float) -> RawPoints:
     """Read all scans of a file in their common frame; colors stand only where every scan has them.
 
-    A scan's pose is also the position of its sensor. Files of one merged cloud have no pose or the identity; the
-    origin is then believed only for ordered points around it.
+    A scan's pose is also the position of its sensor. Files of one merged cloud have no pose or the
+    identity: the origin is believed only of one scan among others that have another.
     """
     require_extras("an .e57 file", "formats")
     import pye57
@@ -201,8 +200,8 @@ def read_e57(path: Path, max_bytes: float) -> RawPoints:
         headers = [file.get_header(index) for index in range(file.scan_count)]
         check_size(_POINT_BYTES * sum(header.point_count for header in headers), max_bytes)
         poses = [_find_pose(header) for header in headers]
-        is_alone = sum(pose.is_identity for pose in poses) == 1
-        scans = [_read_scan(file, *pair, is_alone) for pair in zip(headers, poses, strict=True)]
+        has_poses = len(poses) > 1 and sum(pose.is_identity for pose in poses) <= 1
+        scans = [_read_scan(file, *pair, has_poses) for pair in zip(headers, poses, strict=True)]
     finally:
         file.close()
     if not scans:
@@ -243,7 +242,7 @@ def _refuse_document_type(path: Path) -> None:
         raise ScanError("its XML has a document type, or is not UTF-8; export it anew")
 
 
-def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> RawPoints:
+def _read_scan(file: pye57.E57, header: Any, pose: _Pose, has_poses: bool) -> RawPoints:
     """Return a scan, turned and moved by its pose, its colors in their own range."""
     fields = {*header.point_fields}
     kinds = [kind for kind, ends in _AXES.items() if {kind + end for end in ends} <= fields]
@@ -258,12 +257,11 @@ def _read_scan(file: pye57.E57, header: Any, pose: _Pose, is_alone: bool) -> Raw
     if kind == "spherical":
         columns[:3] = to_cartesian(columns[:3])
     points = columns[:3].T
-    is_trusted = not pose.is_identity or (is_alone and {*_GRID} <= fields and is_plausible_origin(points))
     is_usable = columns[-1] == 0 if has_state else np.ones(len(points), bool)
     return RawPoints(
         points[is_usable] @ pose.rotation.T + pose.translation,
         columns[3:6].T[is_usable] if has_colors else None,
-        pose.translation[None] if is_trusted else None,
+        None if pose.is_identity and not has_poses else pose.translation[None],
         num_ignored=int((~is_usable).sum()),
     )
 

@@ -16,15 +16,9 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.printable import make_printable
-from reconstruction._src.base.range_checks import format_share
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
-from reconstruction._src.geometry.orientation import (
-    find_up_axis,
-    looks_down_below,
-    measure_level_areas,
-    orient_to_viewpoints,
-)
-from reconstruction._src.geometry.rows import compute_areas
+from reconstruction._src.geometry.orientation import find_up_axis, looks_down_below, orient_to_viewpoints
+from reconstruction._src.geometry.rows import compute_area_vectors, compute_areas
 from reconstruction._src.geometry.sampling import count_votes, sample_area
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import UP_AXES, RawPoints, describe_odd_size, find_offset, to_meters
@@ -210,14 +204,12 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
 def _turn_upright(mesh: trimesh.Trimesh, name: str) -> None:
     """Turn a mesh whose level area lies along another axis than z, and log it."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    up = find_up_axis(vertices, faces)
+    up = find_up_axis(compute_area_vectors(vertices, faces), vertices[faces].mean(axis=1))
     if up is None:
         return
-    along, upright = measure_level_areas(vertices, faces)[["xyz".index(up[-1]), 2]].tolist()
-    text = (
-        "%s: %s is taken for up, as %s of the area is level along it and %s along z; --up says it otherwise"
+    _logger.warning(
+        "%s: %s is taken for up, as most of what is level lies along it; --up says otherwise", name, up
     )
-    _logger.warning(text, name, up, format_share(along), format_share(upright))
     axes = np.array(UP_AXES[up], dtype=np.float64)
     mesh.vertices = vertices @ axes.T
     mesh.metadata["offset"] = axes @ mesh.metadata["offset"]

@@ -11,6 +11,7 @@ import trimesh
 
 from reconstruction._src.base.range_checks import format_distance, format_share
 from reconstruction._src.geometry.orientation import measure_level_areas
+from reconstruction._src.geometry.rows import compute_area_vectors
 from reconstruction._src.geometry.sampling import sample_area
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
@@ -105,7 +106,7 @@ def _weigh(
 
 def _judge_up(surface: trimesh.Trimesh, ground: TraversabilityMap | None) -> Iterator[Reason]:
     """Yield a doubt about the axis that points up, where there is hardly anything to drive on."""
-    shares = measure_level_areas(np.asarray(surface.vertices), np.asarray(surface.faces))
+    shares = measure_level_areas(compute_area_vectors(surface.vertices, surface.faces))
     axis, area = int(shares.argmax()), _find_area(ground)
     if shares[axis] > _OTHER_AXIS * shares[2] and area < _LEAST_AREA[0]:
         name, (along, upright) = "xyz"[axis], (format_share(float(each)) for each in shares[[axis, 2]])

@@ -1,0 +1,133 @@
+"""Clouds whose files say nothing: where the scanner stood, and which way is up."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import reconstruction as rc
+from reconstruction._src.geometry.pose import make_rotation
+from reconstruction._src.scans.frames import CAMERA_AXES, UP_AXES
+from reconstruction._src.scans.sensor_frame import find_upright, has_ground_below, is_seen_from_origin
+
+ROOM = [
+    trimesh.creation.box([8.0, 6.0, 2.6], trimesh.transformations.translation_matrix([0, 0, 0.8])),
+    trimesh.creation.box([0.4, 0.4, 1.5], trimesh.transformations.translation_matrix([1.5, 1.0, 0.25])),
+    trimesh.creation.box([1.6, 0.8, 0.1], trimesh.transformations.translation_matrix([2.0, -1.0, 0.2])),
+    trimesh.creation.box([0.5, 2.0, 2.0], trimesh.transformations.translation_matrix([-2.0, 0.0, 0.5])),
+]
+
+
+def cast(rays: np.ndarray) -> np.ndarray:
+    """Return where rays from the origin first meet the room: the nearest of the entries into boxes by their slabs."""
+    with np.errstate(divide="ignore"):
+        inverse = 1.0 / rays
+    reach = np.full(len(rays), np.inf)
+    for k, box in enumerate(ROOM):
+        ends = np.sort(np.stack([box.bounds[0] * inverse, box.bounds[1] * inverse]), axis=0)
+        enters, leaves = ends[0].max(axis=1), ends[1].min(axis=1)
+        reach = np.minimum(
+            reach, leaves if k == 0 else np.where((enters > 0) & (enters < leaves), enters, np.inf)
+        )
+    return rays * reach[:, None]
+
+
+def scan() -> np.ndarray:
+    rays = np.random.default_rng(0).normal(size=(20_000, 3))
+    return cast(rays / np.linalg.norm(rays, axis=1)[:, None])
+
+
+def picture(roll: float, pitch: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the readings of a camera in its own frame, and the rotation from there to the room."""
+    u, v = np.meshgrid(np.linspace(-0.6, 0.6, 160), np.linspace(-0.45, 0.45, 120))
+    rays = np.stack([u.ravel(), v.ravel(), np.ones(u.size)], axis=1)
+    rotation = make_rotation(roll, pitch, 0.3) @ CAMERA_AXES
+    return cast(rays @ rotation.T) @ rotation, rotation
+
+
+def test_a_scan_was_seen_from_the_origin_and_a_map_was_not() -> None:
+    points = scan()
+    assert is_seen_from_origin(points)
+    assert has_ground_below(points)
+    surfaces = [trimesh.sample.sample_surface(box, 5_000, seed=k)[0] for k, box in enumerate(ROOM)]
+    assert not is_seen_from_origin(np.concatenate(surfaces))
+    assert not is_seen_from_origin(points[:500])  # too few to tell
+
+
+def test_terrain_over_the_origin_was_not_seen_from_there_nor_by_a_camera() -> None:
+    rng = np.random.default_rng(1)
+    tile = np.column_stack([rng.uniform(-4, 4, (20_000, 2)), rng.normal(5.0, 0.02, 20_000)])
+    assert is_seen_from_origin(tile)
+    assert not has_ground_below(tile)
+    assert find_upright(tile) is None
+    assert find_upright(scan()) is None  # looks all around
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.0), (0.2, 0.4), (-0.4, 0.1), (0.1, -0.15), (0.0, 0.6)])
+def test_the_floor_of_a_camera_becomes_level(roll: float, pitch: float) -> None:
+    points, rotation = picture(roll, pitch)
+    upright = find_upright(points)
+    assert upright is not None
+    np.testing.assert_allclose(upright @ upright.T, np.eye(3), atol=1e-12)
+    up = upright @ rotation.T @ [0.0, 0.0, 1.0]
+    assert np.degrees(np.arccos(up[2])) < 0.5
+
+
+def test_a_file_is_read_so_and_options_and_known_viewpoints_are_left(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    points, _ = picture(0.2, 0.4)
+    np.save(tmp_path / "camera.npy", points)
+    cloud = rc.load_cloud(tmp_path / "camera.npy")
+    assert "floor is level" in caplog.text
+    assert "hides another" in caplog.text
+    np.testing.assert_array_equal(cloud.viewpoints, [[0.0, 0.0, 0.0]])
+    lowest = cloud.points[:, 2] < cloud.points[:, 2].min() + 0.02
+    assert lowest.sum() > 1000  # the floor, at 0.5 m below the camera
+    np.testing.assert_allclose(cloud.points[:, 2].min(), -0.5, atol=0.02)
+    given = rc.load_cloud(tmp_path / "camera.npy", up="-y")
+    np.testing.assert_array_equal(given.points[:, 2], -points[:, 1])
+    known = rc.load_cloud(tmp_path / "camera.npy", up="z", viewpoints=[1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(known.points, points)
+    np.testing.assert_array_equal(known.viewpoints, [[1.0, 2.0, 3.0]])
+
+
+@pytest.mark.parametrize("up", ["x", "y", "-y"])
+def test_terrain_that_lies_along_another_axis_is_turned_and_a_room_is_not(tmp_path: Path, up: str) -> None:
+    rng = np.random.default_rng(2)
+    ground = np.column_stack([rng.uniform(-9, 9, (40_000, 2)), rng.normal(0.0, 0.02, 40_000)])
+    trunks = np.column_stack(
+        [rng.integers(-8, 8, (4_000, 2)) + 0.1 * rng.normal(size=(4_000, 2)), rng.uniform(0, 3, 4_000)]
+    )
+    level = np.concatenate([ground, trunks])
+    np.save(tmp_path / "terrain.npy", level @ np.array(UP_AXES[up], float))
+    np.testing.assert_allclose(rc.load_cloud(tmp_path / "terrain.npy").points, level, atol=1e-12)
+    below = level * [1.0, 1.0, -1.0]  # z may be depth: nothing tells
+    np.save(tmp_path / "below.npy", below)
+    np.testing.assert_array_equal(rc.load_cloud(tmp_path / "below.npy").points, below)
+    surfaces = [trimesh.sample.sample_surface(box, 5_000, seed=k)[0] for k, box in enumerate(ROOM)]
+    np.save(tmp_path / "room.npy", np.concatenate(surfaces) @ np.array(UP_AXES[up], float))
+    np.testing.assert_array_equal(rc.load_cloud(tmp_path / "room.npy").points, np.load(tmp_path / "room.npy"))
+
+
+def test_padding_of_a_pcd_file_is_skipped(tmp_path: Path) -> None:
+    kinds = {
+        "names": ["x", "y", "z", "a", "i"],
+        "formats": ["<f4"] * 3 + ["u1", "<f4"],
+        "offsets": [0, 4, 8, 12, 16],
+    }
+    rows = np.zeros(50, np.dtype({**kinds, "itemsize": 24}))
+    for name in "xyz":
+        rows[name] = np.random.default_rng(0).normal(size=50)
+    header = (
+        "VERSION 0.7\nFIELDS x y z _ i _ _\nSIZE 4 4 4 1 4 1 1\nTYPE F F F U F F U\nCOUNT 1 1 1 4 1 0 4\n"
+        "WIDTH 50\nHEIGHT 1\nPOINTS 50\nDATA binary\n"
+    )
+    (tmp_path / "a.pcd").write_bytes(header.encode() + rows.tobytes())
+    points = rc.load_cloud(tmp_path / "a.pcd").points
+    np.testing.assert_array_equal(points, np.stack([rows[name] for name in "xyz"], axis=1))
+    bad = header.replace("COUNT 1 1 1 4", "COUNT 1 1 1 0").replace("z _", "z i2")
+    (tmp_path / "b.pcd").write_bytes(bad.encode())
+    with pytest.raises(rc.ScanError, match="0 of type U1 in the field i2"):
+        rc.load_cloud(tmp_path / "b.pcd")
