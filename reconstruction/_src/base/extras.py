@@ -6,7 +6,7 @@ from reconstruction._src.base.errors import ReconstructionPackageError
 
 EXTRAS: dict[str, tuple[str, ...]] = {
     "cli": ("rich", "tyro"),
-    "formats": ("PIL", "collada", "laspy", "lazrs", "pye57"),
+    "formats": ("PIL", "collada", "laspy", "lazrs", "pye57", "rosbags"),
     "objects": ("cv2",),
     "scan": ("small_gicp",),
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),

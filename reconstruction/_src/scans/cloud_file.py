@@ -33,6 +33,7 @@ from reconstruction._src.scans.mesh_files import CONVERTERS, check_plain, find_k
 from reconstruction._src.scans.pcd import read_pcd
 from reconstruction._src.scans.ply import read_ply, write_ply
 from reconstruction._src.scans.point_rows import check_num_points
+from reconstruction._src.scans.ros_bags import read_bag
 from reconstruction._src.scans.scan import ScanLog, load_3dtk, read_3dtk_points, read_3dtk_pose
 from reconstruction._src.scans.selection import crop
 from reconstruction._src.scans.sensor_frame import (
@@ -64,7 +65,7 @@ def load_points(
 
     Args:
         path: .xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .3d .las .laz .bin (rows of float32, as of
-            KITTI), each also followed by .gz or .bz2; .e57 .stl .off .glb .gltf .dae.
+            KITTI), each also followed by .gz or .bz2; .e57 .bag .mcap .stl .off .glb .gltf .dae.
         unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says, meters where it does not.
         max_bytes: most bytes that the file may hold uncompressed, and its points in memory (24 bytes each); a
             larger file is refused before the memory is allocated.
@@ -385,9 +386,15 @@ _READERS: dict[str, Callable[[BoundedFile], RawPoints]] = {
 }
 _PATH_READERS: dict[str, Callable[[Path, float], RawPoints]] = {
     ".e57": read_e57,
+    **dict.fromkeys((".bag", ".mcap"), read_bag),
     **dict.fromkeys((".stl", ".off", ".glb", ".gltf", ".dae"), read_mesh_points),
 }
-POINT_ENDINGS = (*(kind for kind in _READERS if kind not in (".npz", ".ply", ".obj")), ".e57")
+POINT_ENDINGS = (
+    *(kind for kind in _READERS if kind not in (".npz", ".ply", ".obj")),
+    ".e57",
+    ".bag",
+    ".mcap",
+)
 """Of files that hold points alone."""
 _WRITERS: dict[str, Callable[[BinaryIO, Float[np.ndarray, "N 3"]], None]] = {
     ".ply": write_ply,

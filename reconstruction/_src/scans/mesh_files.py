@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     import trimesh
 
 _REMEDIES = {
-    ".bag .db3 .mcap": "save its clouds as .pcd: `ros2 run pcl_ros pointcloud_to_pcd --ros-args -r input:=TOPIC` "
-    "while `ros2 bag play` plays it (ROS 1: `rosrun pcl_ros bag_to_pcd`)",
+    ".db3": "make it an .mcap by `ros2 bag convert`",
     ".pcap .pcapng": "export the frames as .las or .pcd with the maker's viewer (VeloView, Ouster Studio, PandarView)",
     ".rcp .rcs": "export it from Autodesk ReCap as .e57",
     ".fls .fws .lsproj": "export it from FARO SCENE as .e57",

@@ -34,6 +34,7 @@ _NUM_DIRECTIONS = 1000  # Directions that are tried for up
 _FLAT = 0.02  # Share of a plane's variance off it, at most
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
 def is_seen_from_origin(points: Float[np.ndarray, "N 3"]) -> bool:
     """Return whether a scanner at the origin can have taken all readings: hardly one is hidden behind another."""
     ranges = np.linalg.norm(points, axis=1)
@@ -56,6 +57,7 @@ def has_ground_below(points: Float[np.ndarray, "N 3"]) -> bool:
     return float((points[:, 2] < 0).mean()) >= _LEAST_BELOW
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
 def find_upright(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] | None:
     """Return the rotation that levels the floor of a camera's readings (z ahead, y down); None where it is no camera's.
 
@@ -79,6 +81,7 @@ def find_upright(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] |
     return upright.as_matrix() @ CAMERA_AXES
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
 def find_up(points: Float[np.ndarray, "N 3"]) -> str | None:
     """Return the axis that points up where it is not z beyond doubt, as `find_up_axis` of the flat parts."""
     places, normals = _find_flat(points)

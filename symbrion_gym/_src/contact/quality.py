@@ -18,6 +18,7 @@ from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.geometry.sampling import sample_cells
 from symbrion_gym._src.errors import ArenaError
 
+_FEWEST_VERTICES = 4  # MuJoCo takes no mesh of fewer, such as one triangle
 _LEAST_AREA = 1e-12  # Triangles with less are no shape [m²]; a ray hits their neighbors
 _SPACING = 0.01  # Distance of vertical lines [m]
 _MAX_RAYS = 400_000  # They are farther apart where there would be more: bounds time and memory
@@ -166,6 +167,7 @@ class RayMesh:
         vertices = vertices[used]
         self._middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2  # MuJoCo keeps vertices as float32
         vertices -= self._middle
+        vertices = np.pad(vertices, ((0, max(0, _FEWEST_VERTICES - len(vertices))), (0, 0)))
         spec = mujoco.MjSpec()
         spec.add_mesh(
             name="triangles",

@@ -119,4 +119,6 @@ def test_rays_hit_the_first_triangle_from_either_side():
     directions = np.array([[1.0, 0, 0], [1, 0, 0], [-1, 0, 0]])
     assert rays.cast(origins, directions) == pytest.approx([1.0, 0.5, np.inf])
     assert np.isinf(RayMesh([]).cast(origins, directions)).all()
+    lone = trimesh.Trimesh([[1.0, -1, -1], [1, 1, -1], [1, 0, 1]], [[0, 1, 2]], process=False)
+    assert RayMesh([lone]).cast(origins, directions) == pytest.approx([1.0, np.inf, np.inf])
     assert len(rays.cast(origins[:0], directions[:0])) == 0
