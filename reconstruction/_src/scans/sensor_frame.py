@@ -18,7 +18,8 @@ _HIDDEN = 0.12
 """A scanner that stood at the origin sees hardly a reading behind another. On another surface lie most neighbors in
 direction of 1 to 4 % of the readings of ten files, and 8 % of one with 32 coarse beams; of 17 to 33 % of those of six
 maps and scans from elsewhere, and 13 % of one from 0.2 m beside."""
-_LEAST_BELOW = 0.1  # A scanner sees so much of its readings below itself; terrain over the origin it does not
+_STAND, _LEAST_BELOW = 0.15, 0.1
+"""So far over this share of its readings a scanner stands [m]; maps often begin on the floor, or below the ground."""
 _CAMERA_CONE = np.cos(np.deg2rad(60.0))  # A camera sees nothing farther from its axis
 _MOST_AHEAD = 0.99  # of its readings; some fly
 _CAMERA_RANGE = 10.0  # Median of the ranges of a depth camera, at most [m]
@@ -53,8 +54,8 @@ def is_seen_from_origin(points: Float[np.ndarray, "N 3"]) -> bool:
 
 
 def has_ground_below(points: Float[np.ndarray, "N 3"]) -> bool:
-    """Return whether a scanner at the origin looked down on some of the readings (z up)."""
-    return float((points[:, 2] < 0).mean()) >= _LEAST_BELOW
+    """Return whether a scanner at the origin stood over some of the readings (z up), and not among them."""
+    return float((points[:, 2] < -_STAND).mean()) >= _LEAST_BELOW
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of broken coordinates

@@ -50,6 +50,7 @@ def test_a_scan_was_seen_from_the_origin_and_a_map_was_not() -> None:
     points = scan()
     assert is_seen_from_origin(points)
     assert has_ground_below(points)
+    assert not has_ground_below(points + np.array([0.0, 0.0, 0.4]))  # 0.1 m over the floor
     surfaces = [trimesh.sample.sample_surface(box, 5_000, seed=k)[0] for k, box in enumerate(ROOM)]
     assert not is_seen_from_origin(np.concatenate(surfaces))
     assert not is_seen_from_origin(points[:500])  # too few to tell
