@@ -229,7 +229,7 @@ def test_a_size_of_no_scene_is_warned_about(tmp_path: Path, caplog) -> None:
     assert "a.xyz: its longest side is 9,500 m, above 1000 m; if that is wrong, give unit= or" in caplog.text
 
 
-@pytest.mark.parametrize(("name", "remedy"), [("a.mcap", "pointcloud_to_pcd"), ("a.FBX", "Blender")])
+@pytest.mark.parametrize(("name", "remedy"), [("a.db3", "ros2 bag convert"), ("a.FBX", "Blender")])
 def test_files_that_are_not_read_name_the_tool_that_converts_them(
     tmp_path: Path, name: str, remedy: str
 ) -> None:
