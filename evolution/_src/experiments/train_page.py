@@ -109,7 +109,9 @@ def _make_route(positions: np.ndarray, height: float) -> DrivingRoute:
 
 def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
     """Return the site with what nobody saw in another color, and the path of the body."""
-    scene = Scene(command="symbrion train SCAN --out NEW --start START --goal GOAL")
+    scene = Scene(
+        focus=positions.reshape(-1, 3), command="symbrion train SCAN --out NEW --start START --goal GOAL"
+    )
     scene.add_surface("surface", arena.seen_surface, _GROUND)
     if arena.unseen:
         faces = np.asarray(arena.surface.faces)[list(arena.unseen)]

@@ -18,9 +18,13 @@ from reconstruction._src.surfaces.color import find_vertex_colors
 
 Trace = dict[str, Any]
 MILLIMETER_DIGITS = 3  # Decimals of coordinates in meters
-CAMERA = {"eye": {"x": -0.56, "y": -2.26, "z": 1.24}, "center": {"x": 0.0, "y": 0.0, "z": -0.04}}
+EYE, CENTER = (
+    np.array([-0.56, -2.26, 1.24]),
+    np.array([0.0, 0.0, -0.04]),
+)  # Of the camera, in sizes of the scene
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
+_LEAST_VIEW = 2.0  # Width of what is seen around a focus, at least [m]
 SNAPSHOTS = 9  # Times at which a body is shown on its path
 PATH_STEP = 5  # Every fifth position of the head becomes a point of its path
 
@@ -39,6 +43,7 @@ class Scene:
     """Layers, in the order of their switches."""
 
     layers: list[Layer] = field(default_factory=list)
+    focus: Float[np.ndarray, "P 3"] | None = None  # places that the camera looks at [m]; None for all
     command: str = ""  # with START and GOAL in it, which two clicks fill in; empty for no clicks
 
     def add_points(
@@ -90,7 +95,7 @@ class Scene:
         figure = go.Figure([trace for layer in self.layers for trace in layer.traces])
         axis: Mapping[str, Any] = {"visible": False, "showspikes": False}
         figure.update_layout(
-            scene={"aspectmode": "data", "xaxis": axis, "yaxis": axis, "zaxis": axis, "camera": CAMERA},
+            scene={"xaxis": axis, "yaxis": axis, "zaxis": axis, **self.make_view()},
             margin={"l": 0, "r": 0, "t": 0, "b": 0},
             showlegend=False,
             paper_bgcolor=BACKGROUND_COLOR,
@@ -103,10 +108,23 @@ class Scene:
             )
         )  # fmt: skip
 
+    def make_view(self) -> dict[str, Any]:
+        """Return camera and scale: all of the scene, or what is around the focus."""
+        if self.focus is None:
+            center, aspect = CENTER, {"aspectmode": "data"}
+        else:
+            traces = [trace for layer in self.layers for trace in layer.traces]
+            ends = [(np.nanmin(trace[axis]), np.nanmax(trace[axis])) for axis in "xyz" for trace in traces]
+            low, high = np.array(ends).reshape(3, -1, 2).T
+            low, high = low.min(axis=0), high.max(axis=0)
+            size = max(float(np.ptp(self.focus, axis=0).max()), _LEAST_VIEW)
+            center = CENTER + (self.focus.mean(axis=0) - (low + high) / 2) / size
+            aspect = {"aspectmode": "manual", "aspectratio": _name((high - low) / size)}
+        return {**aspect, "camera": {"eye": _name(center + EYE - CENTER), "center": _name(center)}}
+
     def _add(self, name: str, traces: list[Trace], is_shown: bool) -> None:
         for trace in traces:
-            is_clicked = bool(self.command) and trace["type"] == "mesh3d"
-            trace |= {"visible": is_shown, "hoverinfo": "none" if is_clicked else "skip", "name": name}
+            trace |= {"visible": is_shown, "hoverinfo": "none" if self.command else "skip", "name": name}
         self.layers.append(Layer(name, traces, is_shown))
 
 
@@ -130,6 +148,10 @@ def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
     light |= {"specular": 0.0, "fresnel": 0.0}
     look |= {"lighting": light, "lightposition": {"x": -1e5, "y": -4e4, "z": 1e5}}
     return {"type": "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), "i": i, "j": j, "k": k, **look}
+
+
+def _name(values: Float[np.ndarray, " 3"]) -> dict[str, float]:
+    return dict(zip("xyz", values.tolist(), strict=True))
 
 
 def _join(lines: Float[np.ndarray, "L P 3"]) -> Float[np.ndarray, "N 3"]:
