@@ -18,10 +18,8 @@ from reconstruction._src.surfaces.color import find_vertex_colors
 
 Trace = dict[str, Any]
 MILLIMETER_DIGITS = 3  # Decimals of coordinates in meters
-EYE, CENTER = (
-    np.array([-0.56, -2.26, 1.24]),
-    np.array([0.0, 0.0, -0.04]),
-)  # Of the camera, in sizes of the scene
+_AWAY = np.array([-0.56, -2.26, 1.28])  # From what the camera looks at to the camera, in sizes of the scene
+_BELOW = np.array([0.0, 0.0, -0.04])  # It looks so far below the middle
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
 _LEAST_VIEW = 2.0  # Width of what is seen around a focus, at least [m]
@@ -111,16 +109,16 @@ class Scene:
     def make_view(self) -> dict[str, Any]:
         """Return camera and scale: all of the scene, or what is around the focus."""
         if self.focus is None:
-            center, aspect = CENTER, {"aspectmode": "data"}
+            center, aspect = _BELOW, {"aspectmode": "data"}
         else:
             traces = [trace for layer in self.layers for trace in layer.traces]
             ends = [(np.nanmin(trace[axis]), np.nanmax(trace[axis])) for axis in "xyz" for trace in traces]
             low, high = np.array(ends).reshape(3, -1, 2).T
             low, high = low.min(axis=0), high.max(axis=0)
             size = max(float(np.ptp(self.focus, axis=0).max()), _LEAST_VIEW)
-            center = CENTER + (self.focus.mean(axis=0) - (low + high) / 2) / size
+            center = _BELOW + (self.focus.mean(axis=0) - (low + high) / 2) / size
             aspect = {"aspectmode": "manual", "aspectratio": _name((high - low) / size)}
-        return {**aspect, "camera": {"eye": _name(center + EYE - CENTER), "center": _name(center)}}
+        return {**aspect, "camera": {"eye": _name(center + _AWAY), "center": _name(center)}}
 
     def _add(self, name: str, traces: list[Trace], is_shown: bool) -> None:
         for trace in traces:

@@ -124,10 +124,12 @@ def load_cloud(
     """
     path = Path(path)
     raw = _read_sweeps(path, max_bytes) if find_kind(path) == ".3d" else _read_raw(path, max_bytes, classes)
-    cloud = _make_cloud(path, raw, unit, up, scale, viewpoints)
+    cloud = _make_cloud(path, raw, unit, up, scale)
     if (up or raw.up) is None:
         cloud = _turn_upright(path, cloud)
-    if cloud.viewpoints is None and is_seen_from_origin(cloud.points) and has_ground_below(cloud.points):
+    if viewpoints is not None:
+        cloud = _see_from(path, cloud, viewpoints)
+    elif cloud.viewpoints is None and is_seen_from_origin(cloud.points) and has_ground_below(cloud.points):
         text = "%s: hardly a reading hides another from the origin: the scanner stood there; viewpoints= says otherwise"
         _logger.warning(text, path)
         cloud = cloud.replace(viewpoints=np.zeros((1, 3)))
@@ -188,12 +190,7 @@ def save_points(path: str | os.PathLike[str], points: ArrayLike) -> Path:
 
 
 def _make_cloud(
-    path: Path,
-    raw: RawPoints,
-    unit: str | None,
-    up: str | None = None,
-    scale: float = 1.0,
-    viewpoints: ArrayLike | None = None,
+    path: Path, raw: RawPoints, unit: str | None, up: str | None = None, scale: float = 1.0
 ) -> Cloud:
     """Return the finite points of a file in meters with z up, without beams that did not return."""
     finite = np.isfinite(raw.points).all(axis=1)
@@ -213,8 +210,6 @@ def _make_cloud(
             None if raw.viewpoints is None else to_meters(raw.viewpoints, raw, unit, up, scale),
             None if raw.seen_from is None else raw.seen_from[chosen],
         )
-        if viewpoints is not None:
-            cloud = cloud.replace(viewpoints=viewpoints, seen_from=None)
     except ScanError as error:
         raise ScanError(f"{path}: {error}") from error
     num_dropped = int((~finite).sum()) + raw.num_ignored
@@ -225,6 +220,14 @@ def _make_cloud(
         why = "not finite, or of classes that are not wanted" if raw.num_ignored else "not finite"
         _logger.warning("%s: dropped %d rows that are %s, kept %d", path, num_dropped, why, cloud.num_points)
     return cloud
+
+
+def _see_from(path: Path, cloud: Cloud, viewpoints: ArrayLike) -> Cloud:
+    """Return a cloud that was seen from other positions, whatever its file says."""
+    try:
+        return cloud.replace(viewpoints=viewpoints, seen_from=None)
+    except ScanError as error:
+        raise ScanError(f"{path}: {error}") from error
 
 
 def _turn_upright(path: Path, cloud: Cloud) -> Cloud:

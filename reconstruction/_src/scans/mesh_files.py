@@ -165,6 +165,8 @@ def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
         raise ScanError(f"cannot be read as a mesh: {error or type(error).__name__}") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise ScanError("holds no triangles; points are read by load_cloud")
+    if mesh.vertices.shape[1] != 3:
+        raise ScanError(f"has vertices of {mesh.vertices.shape[1]} coordinates; 3 are needed")
     if not (np.abs(mesh.vertices) < _FARTHEST).all():
         raise ScanError(f"has vertices that are not finite, or beyond {_FARTHEST:g}; repair it first")
     low, high = mesh.faces.min(), mesh.faces.max()

@@ -29,7 +29,7 @@ def read_bag(path: Path, max_bytes: float) -> RawPoints:
     from rosbags.typesys import Stores, get_typestore
 
     is_first = path.suffix.lower() == ".bag"
-    largest, data = b"", b""
+    largest = b""
     with (rosbag1 if is_first else rosbag2).Reader(path) as reader:
         clouds = [each for each in reader.connections if each.msgtype == _CLOUD]
         for _, _, data in reader.messages(clouds) if clouds else ():
@@ -52,12 +52,9 @@ def _read_cloud(cloud: Any, max_bytes: float) -> RawPoints:
     kinds = [order + str("u4" if name in _COLORS else _TYPES[fields[name].datatype]) for name in names]
     offsets = [fields[name].offset for name in names]
     record = np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": cloud.point_step})
-    rows = np.asarray(cloud.data, np.uint8)[: cloud.height * cloud.row_step].reshape(
-        cloud.height, cloud.row_step
-    )
-    used = np.ascontiguousarray(rows[:, : cloud.width * cloud.point_step])
-    points = used.reshape(-1).view(record)
+    held = np.asarray(cloud.data, np.uint8)[: cloud.height * cloud.row_step]
+    used = held.reshape(cloud.height, cloud.row_step)[:, : cloud.width * cloud.point_step]
+    points = np.ascontiguousarray(used).reshape(-1).view(record)
     colors = [as_colors(unpack_rgb(points[name].astype(np.uint32))) for name in names if name in _COLORS]
-    return RawPoints(
-        np.stack([points[name].astype(float) for name in "xyz"], axis=1), *colors[:1], meters=1.0
-    )
+    places = np.stack([points[name].astype(float) for name in "xyz"], axis=1)
+    return RawPoints(places, *colors[:1], meters=1.0)

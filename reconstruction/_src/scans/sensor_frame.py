@@ -26,11 +26,8 @@ _CAMERA_RANGE = 10.0  # Median of the ranges of a depth camera, at most [m]
 _MOST_TILT = np.cos(np.deg2rad(50.0))  # A camera is held so far from upright, at most
 _LEVEL = np.cos(np.deg2rad(10.0))  # Normals of level surfaces are so near to each other
 _LEAST_LEVEL = 0.1  # Share of the surface that is level, at least: else there is no floor to go by
-_MOST_POINTS, _NUM_CELLS, _NUM_NORMAL = (
-    200_000,
-    100,
-    12,
-)  # Points, cells along the longest side, points for a normal
+_MOST_POINTS, _NUM_CELLS = 200_000, 100  # Points, and cells along the longest side, that tell what is flat
+_NUM_NORMAL = 12  # Points for a normal
 _NUM_DIRECTIONS = 1000  # Directions that are tried for up
 _FLAT = 0.02  # Share of a plane's variance off it, at most
 
@@ -38,16 +35,13 @@ _FLAT = 0.02  # Share of a plane's variance off it, at most
 @np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
 def is_seen_from_origin(points: Float[np.ndarray, "N 3"]) -> bool:
     """Return whether a scanner at the origin can have taken all readings: hardly one is hidden behind another."""
-    ranges = np.linalg.norm(points, axis=1)
+    drawn = _draw(points, _NUM_SAMPLES)
+    ranges = np.linalg.norm(drawn, axis=1)
     is_off = ranges > 0
-    rays, ranges = points[is_off] / ranges[is_off, None], ranges[is_off]
+    rays, ranges = drawn[is_off] / ranges[is_off, None], ranges[is_off]
     if len(rays) < _FEWEST:
         return False
-    rng = np.random.default_rng(0)
-    if len(rays) > _NUM_SAMPLES:
-        chosen = rng.choice(len(rays), _NUM_SAMPLES, replace=False)
-        rays, ranges = rays[chosen], ranges[chosen]
-    tested = rng.permutation(len(rays))[:_NUM_TESTED]
+    tested = np.random.default_rng(0).permutation(len(rays))[:_NUM_TESTED]
     neighbors = cKDTree(rays).query(rays[tested], _NUM_NEIGHBORS + 1)[1]
     jumps = np.abs(np.log(ranges[neighbors] / ranges[tested, None])) > _OTHER_SURFACE
     return float((2 * jumps.sum(axis=1) > _NUM_NEIGHBORS).mean()) < _HIDDEN
@@ -65,8 +59,9 @@ def find_upright(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] |
     They were seen from the origin in a cone along z, and of the surfaces that look to the camera enough look up, within
     50 degrees of -y: those that most of these agree with are level, as floors, tables and shelves are.
     """
-    ranges = np.linalg.norm(points, axis=1)
-    is_ahead = points[:, 2] >= _CAMERA_CONE * ranges
+    drawn = _draw(points, _NUM_SAMPLES)
+    ranges = np.linalg.norm(drawn, axis=1)
+    is_ahead = drawn[:, 2] >= _CAMERA_CONE * ranges
     if is_ahead.mean() < _MOST_AHEAD or np.median(ranges) > _CAMERA_RANGE or not is_seen_from_origin(points):
         return None
     places, normals = _find_flat(points)
@@ -89,10 +84,16 @@ def find_up(points: Float[np.ndarray, "N 3"]) -> str | None:
     return find_up_axis(normals, places) if len(places) >= _FEWEST else None
 
 
+def _draw(points: Float[np.ndarray, "N 3"], count: int) -> Float[np.ndarray, "M 3"]:
+    """Return about so many of the points, each at most once, or all, without much memory."""
+    if len(points) <= count:
+        return points
+    return points[np.unique(np.random.default_rng(0).integers(len(points), size=count))]
+
+
 def _find_flat(points: Float[np.ndarray, "N 3"]) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"]]:
     """Return places on flat parts of the surface, as many on far ones as on near ones, and normals of either sign."""
-    if len(points) > _MOST_POINTS:
-        points = points[np.random.default_rng(0).choice(len(points), _MOST_POINTS, replace=False)]
+    points = _draw(points, _MOST_POINTS)
     cell = max(float(np.ptp(points, axis=0).max()) / _NUM_CELLS, np.finfo(float).tiny)
     _, first = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_index=True)
     places = points[np.sort(first)]

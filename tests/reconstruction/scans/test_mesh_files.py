@@ -192,6 +192,12 @@ def test_damaged_files_give_a_mesh_or_the_error(tmp_path: Path, ending: str, dat
     assert mesh.faces.max() < len(mesh.vertices)
 
 
+def test_a_mesh_in_the_plane_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "flat.obj").write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
+    with pytest.raises(ScanError, match=r"flat.obj: has vertices of 2 coordinates"):
+        load_mesh(tmp_path / "flat.obj")
+
+
 @pytest.mark.data
 def test_a_texture_starts_no_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pillow goes by the content of a picture, and hands PostScript to Ghostscript."""

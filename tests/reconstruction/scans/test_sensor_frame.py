@@ -89,6 +89,9 @@ def test_a_file_is_read_so_and_options_and_known_viewpoints_are_left(
     np.testing.assert_allclose(cloud.points[:, 2].min(), -0.5, atol=0.02)
     given = rc.load_cloud(tmp_path / "camera.npy", up="-y")
     np.testing.assert_array_equal(given.points[:, 2], -points[:, 1])
+    seen = rc.load_cloud(tmp_path / "camera.npy", viewpoints=[0.0, 0.0, 0.2])  # in the turned frame
+    np.testing.assert_array_equal(seen.points, cloud.points)
+    np.testing.assert_array_equal(seen.viewpoints, [[0.0, 0.0, 0.2]])
     known = rc.load_cloud(tmp_path / "camera.npy", up="z", viewpoints=[1.0, 2.0, 3.0])
     np.testing.assert_array_equal(known.points, points)
     np.testing.assert_array_equal(known.viewpoints, [[1.0, 2.0, 3.0]])
