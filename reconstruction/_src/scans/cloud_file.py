@@ -29,7 +29,13 @@ from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import UP_AXES, RawPoints, describe_odd_size, find_offset, to_meters
 from reconstruction._src.scans.ground import find_heights_above_ground
-from reconstruction._src.scans.mesh_files import CONVERTERS, check_plain, find_kind, read_mesh_points
+from reconstruction._src.scans.mesh_files import (
+    CONVERTERS,
+    MESH_ENDINGS,
+    check_plain,
+    find_kind,
+    read_mesh_points,
+)
 from reconstruction._src.scans.pcd import read_pcd
 from reconstruction._src.scans.ply import read_ply, write_ply
 from reconstruction._src.scans.point_rows import check_num_points
@@ -394,9 +400,7 @@ _PATH_READERS: dict[str, Callable[[Path, float], RawPoints]] = {
 }
 POINT_ENDINGS = (
     *(kind for kind in _READERS if kind not in (".npz", ".ply", ".obj")),
-    ".e57",
-    ".bag",
-    ".mcap",
+    *(kind for kind in _PATH_READERS if kind not in MESH_ENDINGS),
 )
 """Of files that hold points alone."""
 _WRITERS: dict[str, Callable[[BinaryIO, Float[np.ndarray, "N 3"]], None]] = {

@@ -136,3 +136,23 @@ def test_models_are_compared_on_the_ground_that_was_driven_below_what_hangs_abov
     assert "0 mm in the median, and by less than 100 mm at 95 %" in _compare_models(found, driven[:60])
     assert "by less than 100 mm at 95 % of the places." in _compare_models(found, driven)
     assert "not both have a surface" in _compare_models(found, driven * [1.2, 1.0, 1.0])
+
+
+def test_ways_are_looked_for_where_both_models_have_ground() -> None:
+    def make(heights: tuple[float, float]) -> sg.Arena:
+        plates = [
+            trimesh.creation.box(
+                [size, size, 0.2], trimesh.transformations.translation_matrix([x, 0.0, z - 0.1])
+            )
+            for size, x, z in zip((2.0, 1.2), (-2.0, 2.0), heights, strict=True)
+        ]
+        return sg.make_arena(trimesh.util.concatenate(plates))
+
+    first, other = make((0.0, 0.0)), make((0.1, 0.0))  # of the larger plate they do not agree
+    for near in (None, (-2.0, 0.0)):
+        places = training._find_confirmed([first, other], sg.snake(1), near)
+        assert len(places)
+        assert np.abs(places - [2.0, 0.0]).max() < 0.6
+    assert np.abs(training._find_confirmed([first, first], sg.snake(1), None) - [-2.0, 0.0]).max() < 1.0
+    assert np.abs(training._find_confirmed([first, first], sg.snake(1), (1.5, 0.0)) - [2.0, 0.0]).max() < 0.6
+    assert not len(training._find_confirmed([first, make((0.1, 0.1))], sg.snake(1), None))

@@ -97,6 +97,14 @@ def test_a_file_is_read_so_and_options_and_known_viewpoints_are_left(
     np.testing.assert_array_equal(known.viewpoints, [[1.0, 2.0, 3.0]])
 
 
+def test_a_depth_image_without_a_pose_is_turned_likewise(tmp_path: Path) -> None:
+    points, _ = picture(0.2, 0.4)
+    np.save(tmp_path / "depth.npy", points[:, 2].reshape(120, 160).astype(np.float32))
+    cloud = rc.load_depth_image(tmp_path / "depth.npy", rc.Intrinsics(159 / 1.2, 119 / 0.9, 79.5, 59.5))
+    assert abs(cloud.points[:, 2].min() + 0.5) < 0.02
+    assert (cloud.points[:, 2] < -0.48).sum() > 1000  # the floor
+
+
 @pytest.mark.parametrize("up", ["x", "y", "-y"])
 def test_terrain_that_lies_along_another_axis_is_turned_and_a_room_is_not(tmp_path: Path, up: str) -> None:
     rng = np.random.default_rng(2)
