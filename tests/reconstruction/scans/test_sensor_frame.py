@@ -75,6 +75,34 @@ def test_the_floor_of_a_camera_becomes_level(roll: float, pitch: float) -> None:
     assert np.degrees(np.arccos(up[2])) < 0.5
 
 
+def test_what_only_lies_ahead_or_shows_no_floor_is_no_camera_s() -> None:
+    points, rotation = picture(0.0, 0.2)
+    assert find_upright(20.0 * points) is None  # a valley
+    height = (points @ rotation.T)[:, 2]
+    is_wall = (height > -0.45) & ~((height > 0.1) & (height < 0.3))
+    few = np.random.default_rng(0).random(len(points)) < 0.02
+    assert find_upright(points[is_wall | few]) is None
+    surfaces = trimesh.sample.sample_surface(trimesh.util.concatenate(ROOM), 20_000, seed=0)[0]
+    assert find_upright(surfaces @ CAMERA_AXES + np.array([0.0, 0.0, 8.0])) is None  # a map before the origin
+
+
+def test_walls_without_a_floor_are_not_turned_and_viewpoints_of_a_file_are(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    along, up, side = (
+        rng.uniform(-3, 3, 40_000),
+        rng.uniform(0, 2.5, 40_000),
+        3.0 * rng.choice([-1, 1], 40_000),
+    )
+    is_long = rng.random(40_000) < 0.6
+    walls = np.where(is_long[:, None], np.column_stack([along, side, up]), np.column_stack([side, along, up]))
+    np.save(tmp_path / "walls.npy", walls)
+    np.testing.assert_array_equal(rc.load_cloud(tmp_path / "walls.npy").points, walls)
+    ground = np.column_stack([rng.uniform(-9, 9, (40_000, 2)), rng.normal(0.0, 0.02, 40_000)])
+    matrix, seen = np.array(UP_AXES["y"], float), np.array([[1.0, 2.0, 1.5]])
+    np.savez(tmp_path / "ground.npz", points=ground @ matrix, viewpoints=seen @ matrix)
+    np.testing.assert_allclose(rc.load_cloud(tmp_path / "ground.npz").viewpoints, seen, atol=1e-12)
+
+
 def test_a_file_is_read_so_and_options_and_known_viewpoints_are_left(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
