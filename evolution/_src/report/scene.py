@@ -22,7 +22,7 @@ _AWAY = np.array([-0.56, -2.26, 1.28])  # From what the camera looks at to the c
 _BELOW = np.array([0.0, 0.0, -0.04])  # It looks so far below the middle
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
-_LEAST_VIEW = 2.0  # Width of what is seen around a focus, at least [m]
+_LEAST_SIZE = 1.5  # Of what is seen around a focus: half of its extent, but not less [m]
 SNAPSHOTS = 9  # Times at which a body is shown on its path
 PATH_STEP = 5  # Every fifth position of the head becomes a point of its path
 
@@ -115,7 +115,7 @@ class Scene:
             ends = [(np.nanmin(trace[axis]), np.nanmax(trace[axis])) for axis in "xyz" for trace in traces]
             low, high = np.array(ends).reshape(3, -1, 2).T
             low, high = low.min(axis=0), high.max(axis=0)
-            size = max(float(np.ptp(self.focus, axis=0).max()), _LEAST_VIEW)
+            size = max(float(np.ptp(self.focus, axis=0).max()) / 2, _LEAST_SIZE)
             center = _BELOW + (self.focus.mean(axis=0) - (low + high) / 2) / size
             aspect = {"aspectmode": "manual", "aspectratio": _name((high - low) / size)}
         return {**aspect, "camera": {"eye": _name(center + _AWAY), "center": _name(center)}}
