@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
 Site = rc.ScanLog | rc.Cloud | sg.Arena  # What a robot is to drive in, as it was read
-Place = tuple[float, ...]  # (x, y) [m]
+Place = tuple[float, ...]  # (x, y) or (x, y, z) [m]
 
 logger = logging.getLogger(__name__)
 
@@ -46,7 +46,10 @@ HALVES = ("arena", "other")  # Folders of both models: that of training, and tha
 RUN = "run"  # Folder of the evolution
 OUTPUTS = (*HALVES, RUN, PAGE)
 GENERATIONS = 30
-_SITE = 20.0  # Edge of the square of a larger scan that is used, about its middle [m]: a Scout drives 10 m in 100 s
+_SITE = 20.0  # Edge of the square of a larger scan that is used [m]: a Scout drives 10 m in 100 s
+_COLUMN, _PARTS = 0.2, 4  # Width of columns of readings [m], and parts of the edge by which squares are apart
+_MOST = 0.9  # Share of the most columns of level ground that is nearly as many
+_LEVEL = 0.05  # Lowest readings of columns side by side that differ by less are of the same level ground [m]
 _SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
 _AGREE = 0.02
 """Models that are this near to each other confirm each other [m], as contact does that holds a robot."""
@@ -64,6 +67,8 @@ _TURN = np.deg2rad([60.0, 75.0])
 """Least and most turn between them [rad]: who drives straight on does not arrive."""
 _SNAP = 0.05  # Corners lie at most so far from a place of the map [m]
 _NUM_WAYS, _NUM_TRIED = 5_000, 20  # Ways that are drawn, and of which so many are tried in the environment
+_EQUALLY = np.deg2rad(1.0)  # Ground that is steeper by less is as level [rad]
+_NUM_CHECKED = 17  # Places of a leg that are looked up on the maps, at most 5 cm apart
 _MODULES = (2, 12)  # Least and most modules of a row that crosses a gap
 _REACH = 1.75  # Length of such a row over the width of the gap: eight Scouts cross 0.45 m
 
@@ -193,16 +198,44 @@ def split_readings(site: rc.ScanLog | rc.Cloud) -> list[Any]:
 
 
 def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
-    """Return the part of a large cloud about the ends of a way, or where none is given about its middle, in plan."""
+    """Return the part of a large cloud about the ends of a way, or where none is given where most ground was read."""
     low, high = site.points.min(axis=0), site.points.max(axis=0)
     width, depth, _ = high - low
     if max(width, depth) <= _SITE:
         return site
-    middle = np.mean(ends, axis=0) if ends else np.median(site.points[:, :2], axis=0)
+    middle = np.mean(ends, axis=0) if ends else _find_ground(site.points)
     text = "of %.0f m x %.0f m the %g m around (%.1f, %.1f) are used; --start and --goal choose another part"
     logger.warning(text, width, depth, _SITE, *middle)
     low[:2], high[:2] = np.maximum(low[:2], middle - _SITE / 2), np.minimum(high[:2], middle + _SITE / 2)
     return rc.crop(site, [low, high])
+
+
+def _find_ground(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 2"]:
+    """Return the middle of the square in which most columns end at the height of two of those beside them [m].
+
+    Of squares with nearly as many it is that nearest to the median of the points.
+    """
+    median = np.median(points[:, :2], axis=0)
+    column = np.floor(points[:, :2] / _COLUMN).astype(np.int64)
+    width = np.ptp(column[:, 1]) + 2  # so that the last column of a row has none beside it in the next
+    order = np.argsort(points[:, 2], kind="stable")
+    number, lowest = np.unique((column @ [width, 1])[order], return_index=True)
+    lowest = order[lowest]
+    height, num_level = points[lowest, 2], np.zeros(len(number), dtype=np.int64)
+    for step in (1, width):
+        beside = np.searchsorted(number, number + step).clip(max=len(number) - 1)
+        is_level = (number[beside] == number + step) & (np.abs(height[beside] - height) <= _LEVEL)
+        num_level[is_level] += 1
+        num_level[beside[is_level]] += 1
+    ground = column[lowest[num_level >= 2]]
+    if not len(ground):
+        return median
+    part = _SITE / _PARTS
+    shifts = np.stack(np.meshgrid(*[np.arange(_PARTS)] * 2), axis=-1).reshape(-1, 2)
+    corners = np.floor(ground * (_COLUMN / part)).astype(int)[:, None] - shifts
+    squares, count = np.unique(corners.reshape(-1, 2), axis=0, return_counts=True)
+    middles = (squares[count >= _MOST * count.max()] + _PARTS / 2) * part
+    return middles[np.linalg.norm(middles - median, axis=1).argmin()]
 
 
 def make_models(
@@ -210,8 +243,8 @@ def make_models(
 ) -> list[sg.Arena]:
     """Return the models of both halves of a site, or its one arena; from the folder where they are in it.
 
-    Of a large site they are of the part around the `ends` of a way, or of its middle. The faces of each that the other
-    does not confirm are `unseen`.
+    Of a large site they are of the part around the `ends` of a way, or where most ground was read. The faces of each
+    that the other does not confirm are `unseen`.
     """
     folders = [folder / name for name in HALVES[: 1 if isinstance(site, sg.Arena) else 2]]
     if not (folders[0] / "arena.json").is_file():  # which is written last
@@ -312,56 +345,71 @@ def _find_crossing(
 def _list_ways(
     arenas: list[sg.Arena], body: Organism, start: Place | None, goal: Place | None, rng: np.random.Generator
 ) -> Iterator[dict[str, Any]]:
-    """Yield ways with a corner over ground that all models confirm, the best first; or the way that is given.
+    """Yield ways with a corner between places that all models confirm; or the way that is given.
+
+    The first leads over the least ground that they do not confirm; of those, over the most level, and far.
 
     A way has a `start`, a `goal`, and `places` to be reached before the goal.
     """
     if start is not None and goal is not None:
         yield {"start": start, "goal": goal, "places": ()}
         return
-    places = _find_confirmed(arenas, body, start if start is not None else goal)
+    places, lean = _find_confirmed(arenas, body, start if start is not None else goal)
     if not len(places):
         return
     known, legs = (start, _LEGS) if goal is None else (goal, _LEGS[::-1])
-    anchors = (
-        places[rng.integers(len(places), size=_NUM_WAYS)] if known is None else np.array([known] * _NUM_WAYS)
-    )
+    corners = [rng.integers(len(places), size=_NUM_WAYS)]
+    line = [places[corners[0], :2] if known is None else np.array([known[:2]] * _NUM_WAYS)]
     heading = rng.uniform(-np.pi, np.pi, _NUM_WAYS)
     turned = heading + rng.choice([-1.0, 1.0], _NUM_WAYS) * rng.uniform(_TURN[0], _TURN[1], _NUM_WAYS)
-    lengths = [rng.uniform(*limits, _NUM_WAYS) for limits in legs]
-    line, tree = [np.asarray(anchors)[:, :2]], cKDTree(places)
-    is_good = np.ones(_NUM_WAYS, dtype=bool)
-    for length, angle in zip(lengths, (heading, turned), strict=True):
-        away, nearest = tree.query(
-            line[-1] + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        )
-        line.append(places[nearest])
-        is_good &= away <= _SNAP
-    ways = np.stack(line if goal is None else line[::-1], axis=1)
-    best = np.argsort(-np.sum(lengths, axis=0)[is_good], kind="stable")[:_NUM_TRIED]
-    for row in np.flatnonzero(is_good)[best]:
-        first, middle, last = (tuple(np.round(each, 3).tolist()) for each in ways[row])
+    doubtful, steepest, is_good = np.zeros(_NUM_WAYS, int), np.zeros(_NUM_WAYS), np.ones(_NUM_WAYS, bool)
+    tree, shares = cKDTree(places[:, :2]), np.linspace(0.0, 1.0, _NUM_CHECKED)[:, None]
+    lengths = np.zeros(_NUM_WAYS)
+    for limits, angle in zip(legs, (heading, turned), strict=True):
+        length = rng.uniform(*limits, _NUM_WAYS)
+        ahead = length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        away, nearest = tree.query(line[-1][:, None] + shares * ahead[:, None])
+        is_good &= away[:, -1] <= _SNAP
+        doubtful += (away > _SNAP).sum(axis=1)
+        steepest = np.maximum(steepest, lean[nearest].max(axis=1))
+        lengths += length
+        corners.append(nearest[:, -1])
+        line.append(places[corners[-1], :2])
+    level = np.ceil(steepest / _EQUALLY)
+    best = np.lexsort([-lengths, level, doubtful, ~is_good])[: min(_NUM_TRIED, is_good.sum())]
+    for row in best:
+        way = [tuple(np.round(places[corner[row]], 3).tolist()) for corner in corners]
+        first, middle, last = [known or way[0], *way[1:]][:: 1 if goal is None else -1]
         yield {"start": first, "goal": last, "places": (middle,)}
 
 
-def _find_confirmed(arenas: list[sg.Arena], body: Organism, near: Place | None) -> Float[np.ndarray, "N 2"]:
-    """Return (x, y) of places with room around them, drivable in all models, of the largest or nearest region."""
+def _find_confirmed(
+    arenas: list[sg.Arena], body: Organism, near: Place | None
+) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, " N"]]:
+    """Return places with room around them, drivable in all models, of the largest or nearest region.
+
+    With each goes the slope of the ground in the model in which it is steeper [rad].
+    """
     grounds = [arena.traversability(body) for arena in arenas]
     first, room = grounds[0], 2.0 * grounds[0].footprint.reach
     chosen: Int[np.ndarray, " N"] = np.flatnonzero(first.is_drivable & (first.wall_distance >= room))
+    slope = np.nan_to_num(first.slope)
     for ground in grounds[1:]:
         places = first.positions[chosen]
         found = ground.sorted_heights.find_nearest(ground.grid.compute_cells(places[:, :2]), places[:, 2])
         is_there = (found >= 0) & (np.abs(ground.height[found] - places[:, 2]) <= 2 * _AGREE)
-        chosen = chosen[is_there & (ground.wall_distance[found] >= room) & ground.is_drivable[found]]
+        is_there &= (ground.wall_distance[found] >= room) & ground.is_drivable[found]
+        chosen, found = chosen[is_there], found[is_there]
+        slope[chosen] = np.fmax(slope[chosen], ground.slope[found])
     if not len(chosen):
-        return first.positions[chosen, :2]
+        return first.positions[chosen], slope[chosen]
     region = first.region[chosen]
     if near is None:
         wanted = np.bincount(region).argmax()
     else:
         wanted = region[np.linalg.norm(first.positions[chosen, :2] - near, axis=1).argmin()]
-    return first.positions[chosen[region == wanted], :2]
+    chosen = chosen[region == wanted]
+    return first.positions[chosen], slope[chosen]
 
 
 def judge_in(arena: sg.Arena, run: Run, seed: int, workers: int) -> dict[str, int]:

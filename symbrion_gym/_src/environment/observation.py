@@ -26,6 +26,9 @@ _FORCE_MARGIN = 5
 """Docks never tear: factor on the force that they hold, for the bounds of what they may read."""
 _LEAST_LEVEL = 0.2
 """Cosine of the pitch that is assumed of steeper modules: near the vertical a heading would turn at any rate."""
+_NEARER = 0.7
+"""A body turns to the next place when it believes to be this share of the distance from it that counts as there: an
+error of its belief by a few centimeters shall not make it miss the place."""
 _FAR = 100.0  # Goals that are at no place lie straight ahead, this far away [m]
 
 
@@ -194,6 +197,7 @@ class DeadReckoning:
         self.start = np.array([*route.place(route.start), route.heading])  # on the map [m, rad]
         if isinstance(goal, ReachPlaces):
             self._places, self._radii = goal.list_places(route, organism.scout.size[0])
+            self._radii *= np.where(route.is_place, _NEARER, 1.0)
         else:
             self._places = np.array([route.place(min(route.finish, route.start + _FAR))])
             self._radii = np.zeros(1)

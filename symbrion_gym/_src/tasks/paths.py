@@ -67,7 +67,8 @@ def find_path(
             f"the path has {len(corners)} corners, more than {MAX_CORNERS}; give places that are nearer"
         )
     x, y, z = legs[0].start
-    way = np.concatenate([leg.path for leg in legs])
+    is_beside = np.linalg.norm(ground.positions[:, :2] - (x, y), axis=1) < 2 * ground.footprint.length
+    way = np.concatenate([ground.positions[is_beside], *[leg.path for leg in legs]])
     lies_under = (arena.height(way[:, 0], way[:, 1]) - way[:, 2] > organism.scout.size[2]).any()
     heading = legs[0].heading if heading is None else heading
     c, n = float(np.cos(heading)), float(np.sin(heading))

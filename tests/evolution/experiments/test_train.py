@@ -87,6 +87,46 @@ def test_of_a_large_scan_the_part_around_the_ends_is_used(ends, middle, caplog) 
     assert "of 60 m x 8 m the 20 m around" in caplog.text
 
 
+def test_of_a_large_scan_the_part_with_most_level_ground_is_used() -> None:
+    """Not where most readings are: those of a thicket, as dense, are no ground."""
+    rng = np.random.default_rng(0)
+    thicket, meadow = (
+        rng.uniform([-40, -10, 0], [0, 10, 4], (40_000, 3)),
+        rng.uniform([10, -10], [30, 10], (20_000, 2)),
+    )
+    below = rng.normal(0.0, 0.01, len(meadow))
+    points = np.concatenate([thicket, np.column_stack([meadow, below])])
+    part = crop_large(rc.Cloud(points), ())
+    assert len(part.points) > 0.9 * len(meadow)
+    assert part.points[:, 0].min() > 5.0
+    scattered = rc.Cloud(
+        rng.uniform([-40, -10, 0], [40, 10, 40], (2_000, 3))
+    )  # no ground at all: about the middle
+    assert np.abs(np.median(crop_large(scattered, ()).points[:, 0])) < 5.0
+
+
+def test_a_way_leads_over_the_most_level_ground_that_both_models_confirm() -> None:
+    x, y = np.meshgrid(np.linspace(-3, 3, 121), np.linspace(-1, 1, 41), indexing="ij")
+    bumps = np.where(x < 0, 0.02 * np.sin(8 * x) * np.sin(8 * y), 0.0)
+    index = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    faces = np.concatenate([np.stack(each, axis=-1).reshape(-1, 3) for each in ((a, b, c), (a, c, d))])
+    arenas = [
+        sg.make_arena(trimesh.Trimesh(np.column_stack([x.ravel(), y.ravel(), height.ravel()]), faces))
+        for height in (bumps, np.zeros_like(x))  # as rough as in the rougher model
+    ]
+    body, known = sg.snake(1), (-1.5, 0.0)
+    ways = list(training._list_ways(arenas, body, None, None, np.random.default_rng(0)))
+    assert ways
+    for way in ways:
+        corners = np.array([way["start"], *way["places"], way["goal"]])
+        assert corners[:, 0].min() > 0.0
+        assert np.abs(corners[:, 2]).max() < 0.01  # with its height, which tells the storey
+    assert {
+        way["goal"] for way in training._list_ways(arenas, body, None, known, np.random.default_rng(0))
+    } == {known}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "ends", "modules", "controller"),
@@ -148,11 +188,14 @@ def test_ways_are_looked_for_where_both_models_have_ground() -> None:
         ]
         return sg.make_arena(trimesh.util.concatenate(plates))
 
+    def find(second: sg.Arena, near: tuple[float, float] | None) -> np.ndarray:
+        return training._find_confirmed([first, second], sg.snake(1), near)[0][:, :2]
+
     first, other = make((0.0, 0.0)), make((0.1, 0.0))  # of the larger plate they do not agree
     for near in (None, (-2.0, 0.0)):
-        places = training._find_confirmed([first, other], sg.snake(1), near)
+        places = find(other, near)
         assert len(places)
         assert np.abs(places - [2.0, 0.0]).max() < 0.6
-    assert np.abs(training._find_confirmed([first, first], sg.snake(1), None) - [-2.0, 0.0]).max() < 1.0
-    assert np.abs(training._find_confirmed([first, first], sg.snake(1), (1.5, 0.0)) - [2.0, 0.0]).max() < 0.6
-    assert not len(training._find_confirmed([first, make((0.1, 0.1))], sg.snake(1), None))
+    assert np.abs(find(first, None) - [-2.0, 0.0]).max() < 1.0
+    assert np.abs(find(first, (1.5, 0.0)) - [2.0, 0.0]).max() < 0.6
+    assert not len(find(make((0.1, 0.1)), None))

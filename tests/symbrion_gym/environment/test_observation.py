@@ -85,6 +85,15 @@ def test_corners_are_passed_by_the_estimate():
     assert read(env, run(env, (0.0, 0.0), 5))[1] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize(("away", "has_passed"), [(0.09, False), (0.07, True)])
+def test_a_place_is_passed_in_belief_nearer_than_counts_as_there(away, has_passed):
+    """Within 0.105 m counts: one that turns at the very edge would miss the place by any error of its belief."""
+    env = make(task="reach", places=((-2.3, 0.0),))
+    env.reset(seed=0)
+    env._episodes.believed[0] = -2.3 - away, 0.0, 0.0
+    assert (read(env, run(env, (0.0, 0.0), 2))[1] > 0.2) == has_passed
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("body", [1, "cross"])
 def test_single_and_many_are_equal_to_the_bit(body):

@@ -31,3 +31,13 @@ def test_a_goal_below_a_shelf_is_reached_from_the_open(task, control):
         _, _, terminated, truncated, info = env.step(np.ones(env.action_space.shape))
         is_over = terminated or truncated
     assert info["success"], info["reason"]
+
+
+def test_a_body_is_put_on_the_floor_where_only_its_tail_lies_below_a_shelf():
+    boxes = [((-2, -1, -0.1), (2, 1, 0)), ((-2, -1, 0.5), (-0.04, 1, 0.6))]
+    pieces = [trimesh.creation.box(bounds=each) for each in boxes]
+    arena = sg.make_arena(trimesh.util.concatenate(pieces))
+    env = sg.OrganismEnv(arena=arena, modules=1, task="reach", start=(0.02, 0), goal=(1, 0))
+    env.reset(seed=0)
+    assert env.physics.position[0, 0, 2] == pytest.approx(0.0525, abs=0.005)
+    assert env.physics.rotation[0, 0].reshape(3, 3)[2, 2] > 0.99
