@@ -43,6 +43,7 @@ from reconstruction._src.scans.ros_bags import read_bag
 from reconstruction._src.scans.scan import ScanLog, load_3dtk, read_3dtk_points, read_3dtk_pose
 from reconstruction._src.scans.selection import crop
 from reconstruction._src.scans.sensor_frame import (
+    find_tilt,
     find_up,
     find_upright,
     has_ground_below,
@@ -247,6 +248,8 @@ def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
         rotation = np.array(UP_AXES[axis], dtype=np.float64)
         text = "%s: %s is taken for up, as most of what is level lies along it; up= says otherwise"
         _logger.warning(text, path, axis)
+    elif (rotation := find_tilt(cloud.points)) is not None:
+        _logger.warning("%s: tilted; turned until the floor is level; up= says otherwise", path)
     else:
         return cloud
     viewpoints = None if cloud.viewpoints is None else cloud.viewpoints @ rotation.T

@@ -25,17 +25,31 @@ _MOST_AHEAD = 0.99  # of its readings; some fly
 _CAMERA_RANGE = 10.0  # Median of the ranges of a depth camera, at most [m]
 _MOST_TILT = np.cos(np.deg2rad(50.0))  # A camera is held so far from upright, at most
 _LEVEL = np.cos(np.deg2rad(10.0))  # Normals of level surfaces are so near to each other
+_UPRIGHT = np.sin(np.deg2rad(10.0))  # So near to level are normals of walls
+_DOUBTFUL_TILT = np.cos(np.deg2rad(15.0))  # A floor that is tilted by less may be a slope
+_MOST_FLOOR = (
+    1.5  # Level surface of a tilted room over that of any of its walls, at least: a room may lie on its side
+)
 _LEAST_LEVEL = 0.1  # Share of the surface that is level, at least: else there is no floor to go by
 _MOST_POINTS, _NUM_CELLS = 200_000, 100  # Points, and cells along the longest side, that tell what is flat
 _NUM_NORMAL = 12  # Points for a normal
 _NUM_DIRECTIONS = 1000  # Directions that are tried for up
+_LANDSCAPE, _FLATNESS = 50.0, 5.0
+"""A landscape is as wide and as long [m], which no front of a house is, and so many times as wide and long as high."""
+_HIGH = 2 / 3  # Half of a landscape lies above this share of its height only if it is upside down
 _FLAT = 0.02  # Share of a plane's variance off it, at most
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
 def is_seen_from_origin(points: Float[np.ndarray, "N 3"]) -> bool:
-    """Return whether a scanner at the origin can have taken all readings: hardly one is hidden behind another."""
+    """Return whether a scanner at the origin can have taken all readings: hardly one is hidden behind another.
+
+    From far away none is: the origin of a country's coordinates is not where a scanner stood.
+    """
     drawn = _draw(points, _NUM_SAMPLES)
+    low, high = drawn.min(axis=0), drawn.max(axis=0)
+    if np.linalg.norm(np.clip(0.0, low, high)) > np.linalg.norm(high - low):
+        return False
     ranges = np.linalg.norm(drawn, axis=1)
     is_off = ranges > 0
     rays, ranges = drawn[is_off] / ranges[is_off, None], ranges[is_off]
@@ -66,20 +80,57 @@ def find_upright(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] |
         return None
     places, normals = _find_flat(points)
     normals *= -np.sign(np.sum(normals * places, axis=1))[:, None]  # to the camera
-    upward = normals[-normals[:, 1] > _MOST_TILT]
+    up = _find_level(normals @ CAMERA_AXES.T)
+    return None if up is None else _make_level(up) @ CAMERA_AXES
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
+def find_tilt(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] | None:
+    """Return the rotation that levels the floor of a room that is tilted beyond doubt; None of any other.
+
+    That with which most of the surface agrees is level where it lies within 50 degrees of z and walls stand upright on
+    it: so a hillside is left as it is.
+    """
+    normals = _find_flat(points)[1]
+    up = _find_level(normals * np.where(normals[:, 2:] < 0.0, -1.0, 1.0))
+    if up is None or up[2] > _DOUBTFUL_TILT or len(normals) < _FEWEST:
+        return None
+    walls = normals[np.abs(normals @ up) < _UPRIGHT]
+    if len(walls) < _LEAST_LEVEL * len(normals):
+        return None
+    of_walls = (
+        (np.abs(normals @ walls[:: max(1, len(walls) // _NUM_DIRECTIONS)].T) > _LEVEL).sum(axis=0).max()
+    )
+    return _make_level(up) if (np.abs(normals @ up) > _LEVEL).sum() >= _MOST_FLOOR * of_walls else None
+
+
+def _find_level(normals: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " 3"] | None:
+    """Return the direction within 50 degrees of z with which most normals agree; None where these are few."""
+    upward = normals[normals[:, 2] > _MOST_TILT]
     if not len(upward):
         return None
     agrees = upward @ upward[:: max(1, len(upward) // _NUM_DIRECTIONS)].T > _LEVEL
     level = upward[agrees[:, agrees.sum(axis=0).argmax()]]
-    if len(level) < _LEAST_LEVEL * len(normals):
-        return None
-    upright = Rotation.align_vectors([[0.0, 0.0, 1.0]], [CAMERA_AXES @ level.mean(axis=0)])[0]
-    return upright.as_matrix() @ CAMERA_AXES
+    mean = level.mean(axis=0)
+    return mean / np.linalg.norm(mean) if len(level) >= _LEAST_LEVEL * len(normals) else None
+
+
+def _make_level(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """Return the smallest rotation that turns a direction to z."""
+    return Rotation.align_vectors([[0.0, 0.0, 1.0]], [up])[0].as_matrix()
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
 def find_up(points: Float[np.ndarray, "N 3"]) -> str | None:
-    """Return the axis that points up where it is not z beyond doubt, as `find_up_axis` of the flat parts."""
+    """Return the axis that points up where it is not z beyond doubt: that along which a landscape is flat.
+
+    Of anything else it is as `find_up_axis` finds it by the flat parts.
+    """
+    low, middle, high = np.percentile(_draw(points, _NUM_SAMPLES), [1, 50, 99], axis=0)
+    axis = int((high - low).argmin())
+    others = np.delete(high - low, axis).min()
+    if axis != 2 and others > max(_LANDSCAPE, _FLATNESS * (high - low)[axis]):
+        return f"{'-' if (middle - low)[axis] > _HIGH * (high - low)[axis] else ''}{'xyz'[axis]}"
     places, normals = _find_flat(points)
     return find_up_axis(normals, places) if len(places) >= _FEWEST else None
 

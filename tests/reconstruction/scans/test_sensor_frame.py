@@ -9,7 +9,13 @@ import trimesh
 import reconstruction as rc
 from reconstruction._src.geometry.pose import make_rotation
 from reconstruction._src.scans.frames import CAMERA_AXES, UP_AXES
-from reconstruction._src.scans.sensor_frame import find_upright, has_ground_below, is_seen_from_origin
+from reconstruction._src.scans.sensor_frame import (
+    find_tilt,
+    find_up,
+    find_upright,
+    has_ground_below,
+    is_seen_from_origin,
+)
 
 ROOM = [
     trimesh.creation.box([8.0, 6.0, 2.6], trimesh.transformations.translation_matrix([0, 0, 0.8])),
@@ -54,6 +60,9 @@ def test_a_scan_was_seen_from_the_origin_and_a_map_was_not() -> None:
     surfaces = [trimesh.sample.sample_surface(box, 5_000, seed=k)[0] for k, box in enumerate(ROOM)]
     assert not is_seen_from_origin(np.concatenate(surfaces))
     assert not is_seen_from_origin(points[:500])  # too few to tell
+    assert not is_seen_from_origin(
+        points + np.array([3000.0, 0.0, 0.0])
+    )  # where coordinates begin nobody stood
 
 
 def test_terrain_over_the_origin_was_not_seen_from_there_nor_by_a_camera() -> None:
@@ -149,6 +158,32 @@ def test_terrain_that_lies_along_another_axis_is_turned_and_a_room_is_not(tmp_pa
     surfaces = [trimesh.sample.sample_surface(box, 5_000, seed=k)[0] for k, box in enumerate(ROOM)]
     np.save(tmp_path / "room.npy", np.concatenate(surfaces) @ np.array(UP_AXES[up], float))
     np.testing.assert_array_equal(rc.load_cloud(tmp_path / "room.npy").points, np.load(tmp_path / "room.npy"))
+
+
+def test_a_tilted_room_becomes_level_and_a_hillside_or_a_room_on_its_side_is_left(tmp_path: Path) -> None:
+    room = trimesh.sample.sample_surface(trimesh.util.concatenate(ROOM), 40_000, seed=0)[0]
+    for roll, pitch in ((0.4, 0.2), (-0.3, -0.5), (0.0, 0.6)):
+        np.save(tmp_path / "tilted.npy", room @ make_rotation(roll, pitch, 0.7).T)
+        heights = rc.load_cloud(tmp_path / "tilted.npy").points[:, 2]
+        assert np.mean(np.abs(heights - heights.min()) < 0.1) > 0.25  # the floor
+    assert find_tilt(room) is None
+    assert find_tilt(room @ make_rotation(0.1, 0.1, 0.0).T) is None  # a slope, perhaps
+    assert find_tilt(room @ np.array(UP_AXES["y"]) @ make_rotation(0.0, 0.5, 0.0).T) is None
+    hillside = np.random.default_rng(4).uniform([-9, -9, 0], [9, 9, 0.05], (40_000, 3))
+    assert find_tilt(hillside @ make_rotation(0.0, 0.5, 0.0).T) is None
+
+
+@pytest.mark.parametrize("up", ["x", "y", "-y"])
+def test_up_of_a_landscape_is_where_it_is_flat(up: str) -> None:
+    """With fewer level places than tell of a room; the front of a house stands upright and is as flat."""
+    rng = np.random.default_rng(5)
+    ground = np.column_stack([rng.uniform(-60, 60, (900, 2)), rng.normal(0.0, 0.2, 900)])
+    trees = rng.uniform([-60, -60, 0], [60, 60, 9], (600, 3))
+    landscape = np.concatenate([ground, trees])
+    assert find_up(landscape) is None
+    assert find_up(landscape @ np.array(UP_AXES[up])) == up
+    assert find_up(0.3 * landscape @ np.array(UP_AXES[up])) is None
+    assert find_up(landscape * [1.0, 1.0, 4.0] @ np.array(UP_AXES[up])) is None  # towers
 
 
 def test_padding_of_a_pcd_file_is_skipped(tmp_path: Path) -> None:
