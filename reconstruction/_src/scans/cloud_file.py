@@ -238,13 +238,16 @@ def _see_from(path: Path, cloud: Cloud, viewpoints: ArrayLike) -> Cloud:
 
 
 def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
-    """Return a camera's readings with a level floor, and others so that their level surfaces do not stand upright."""
+    """Return a camera's readings with a level floor, and others so that their level surfaces do not stand upright.
+
+    Other scanners have z up in their own frames: where few beams meet the floor, walls are most of what is level.
+    """
     is_there = cloud.viewpoints is None or not cloud.viewpoints.any()
     rotation = find_upright(cloud.points) if is_there else None
     if rotation is not None:
         text = "%s: a camera's readings along z, turned until the floor is level; up= says otherwise"
         _logger.warning(text, path)
-    elif (axis := find_up(cloud.points)) is not None:
+    elif not is_seen_from_origin(cloud.points) and (axis := find_up(cloud.points)) is not None:
         rotation = np.array(UP_AXES[axis], dtype=np.float64)
         text = "%s: %s is taken for up, as most of what is level lies along it; up= says otherwise"
         _logger.warning(text, path, axis)

@@ -71,7 +71,8 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     with the start position on the map (without a pit, relative to the origin of the map), and in every tick adds the
     distance that the head's tracks run, times the cosine of its pitch. It does not contain slip, `start_offset`, `yaw`
     and `stretch`. `goal_direction` is an estimate likewise, in the plane: the speeds of all tracks and the tilt of the
-    modules turn and move a pose from the start on the map. `goal` is the truth. In tasks without a place to head
+    modules turn and move a pose from the start on the map. Of several places, the next is headed for from 0.7 of
+    the distance at which one counts as reached. `goal` is the truth. In tasks without a place to head
     for, as one of your own may be, `goal` is zero and `goal_direction` 100 m ahead of the start.
 
     ## Reward

@@ -173,6 +173,23 @@ def test_a_tilted_room_becomes_level_and_a_hillside_or_a_room_on_its_side_is_lef
     assert find_tilt(hillside @ make_rotation(0.0, 0.5, 0.0).T) is None
 
 
+def test_a_scanner_between_long_walls_is_not_turned(tmp_path: Path) -> None:
+    """Its few level beams hardly meet the floor, so that most of what is flat looks sideways."""
+    heading, rise = np.meshgrid(np.linspace(-np.pi, np.pi, 1800), np.deg2rad(np.linspace(-15, 15, 16)))
+    rays = np.column_stack(
+        [
+            (np.cos(rise) * np.cos(heading)).ravel(),
+            (np.cos(rise) * np.sin(heading)).ravel(),
+            np.sin(rise).ravel(),
+        ]
+    )
+    reach = 1.0 / np.maximum(np.abs(rays / [10.0, 1.5, 1.0]).max(axis=1), 1e-9)
+    points = rays * reach[:, None]
+    assert find_up(points) in ("y", "-y")
+    np.save(tmp_path / "corridor.npy", points)
+    np.testing.assert_array_equal(rc.load_cloud(tmp_path / "corridor.npy").points, points)
+
+
 @pytest.mark.parametrize("up", ["x", "y", "-y"])
 def test_up_of_a_landscape_is_where_it_is_flat(up: str) -> None:
     """With fewer level places than tell of a room; the front of a house stands upright and is as flat."""
