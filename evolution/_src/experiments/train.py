@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
 
 Site = rc.ScanLog | rc.Cloud | sg.Arena  # What a robot is to drive in, as it was read
-Place = tuple[float, ...]  # (x, y) or (x, y, z) [m]
+Place = tuple[float, ...]  # (x, y) [m], and z where it was chosen
 
 logger = logging.getLogger(__name__)
 

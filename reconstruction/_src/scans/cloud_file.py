@@ -249,7 +249,7 @@ def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
         _logger.warning(text, path)
     elif not is_seen_from_origin(cloud.points) and (axis := find_up(cloud.points)) is not None:
         rotation = np.array(UP_AXES[axis], dtype=np.float64)
-        text = "%s: %s is taken for up, as most of what is level lies along it; up= says otherwise"
+        text = "%s: %s is taken for up, as a floor or a landscape faces along it; up= says otherwise"
         _logger.warning(text, path, axis)
     elif (rotation := find_tilt(cloud.points)) is not None:
         _logger.warning("%s: tilted; turned until the floor is level; up= says otherwise", path)

@@ -116,15 +116,39 @@ def test_a_way_leads_over_the_most_level_ground_that_both_models_confirm() -> No
         for height in (bumps, np.zeros_like(x))  # as rough as in the rougher model
     ]
     body, known = sg.snake(1), (-1.5, 0.0)
-    ways = list(training._list_ways(arenas, body, None, None, np.random.default_rng(0)))
-    assert ways
-    for way in ways:
-        corners = np.array([way["start"], *way["places"], way["goal"]])
-        assert corners[:, 0].min() > 0.0
-        assert np.abs(corners[:, 2]).max() < 0.01  # with its height, which tells the storey
+    for models in (arenas, arenas[::-1]):
+        ways = list(training._list_ways(models, body, None, None, np.random.default_rng(0)))
+        assert ways
+        for way in ways:
+            corners = np.array([way["start"], *way["places"], way["goal"]])
+            assert corners[:, 0].min() > 0.0
+            assert np.abs(corners[:, 2]).max() < 0.01  # with its height, which tells the storey
     assert {
         way["goal"] for way in training._list_ways(arenas, body, None, known, np.random.default_rng(0))
     } == {known}
+
+
+def make_floor(size: float, *others: tuple[float, float]) -> sg.Arena:
+    """Return the arena of a square floor, with bars across it between x of each of the others [m]."""
+    boxes = [((-size / 2, -size / 2, -0.2), (size / 2, size / 2, 0.0))]
+    boxes += [((low, -size / 2, -0.2), (high, size / 2, 0.1)) for low, high in others]
+    return sg.make_arena(trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in boxes]))
+
+
+def test_a_way_does_not_cross_what_one_model_lacks_and_none_is_squeezed_into_too_little() -> None:
+    body, floor = sg.snake(1), make_floor(1.6)
+    ways = list(
+        training._list_ways(
+            [floor, make_floor(1.6, (-0.02, 0.02))], body, None, None, np.random.default_rng(0)
+        )
+    )
+    assert ways
+    for way in ways:
+        sides = np.sign([place[0] for place in (way["start"], *way["places"], way["goal"])])
+        assert abs(sides.sum()) == 3
+    small = make_floor(0.6)
+    assert len(training._find_confirmed([small], body, None)[0])
+    assert not list(training._list_ways([small], body, None, None, np.random.default_rng(0)))
 
 
 @pytest.mark.slow
