@@ -89,7 +89,8 @@ class Train(FrameCommand, Experiment):
     """
 
     scan: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
-    """A file of points, a scan log, a mesh, or an arena folder. Of more than 20 m the middle is used."""
+    """A file of points, a scan log, a mesh, or an arena folder. Of more than 20 m the part around --start and
+    --goal, or with most level ground, is used."""
     out: Path = Path("trained")
     """Output folder; open report.html in it."""
     classes: tuple[int, ...] = ()
