@@ -52,8 +52,8 @@ class RepairConfig:
     # loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air. Larger
     # shares lose furniture.
     min_part: float = 3e-4
-    # the winding tells where free space is: each part stays wound as most of its area is. Else closed parts
-    # are turned outwards, open ones up.
+    # the winding tells where free space is: it stays, and parts that it parts come apart. Else neighbors are
+    # turned alike, closed parts outwards and open ones up.
     keeps_winding: bool = False
     drops_slivers: bool = False  # whether slivers at the rim of an open surface are dropped
 
@@ -87,7 +87,10 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
         _logger.info("dropped %d slivers at the rim", count - len(faces))
     if len(faces) > config.max_faces:
         vertices, faces = simplify(vertices, faces, config.max_faces)
-    vertices, faces = _wind(vertices, faces, config.keeps_winding)
+    wound = faces if config.keeps_winding else make_winding(vertices, faces)
+    vertices, faces = drop_unused(*split_fans(vertices, wound))
+    if not config.keeps_winding:
+        faces = _turn_parts(vertices, faces)
     repaired = trimesh.Trimesh(vertices, faces, process=False)
     # A solid has four vertices or more, and simulators want no fewer of a surface.
     return repaired if len(vertices) >= 4 else repaired.subdivide()
@@ -173,23 +176,17 @@ def _drop_small_parts(vertices: Vertices, faces: Faces, min_part: float) -> Int[
     return faces[is_kept]
 
 
-def _wind(vertices: Vertices, faces: Faces, keeps_winding: bool) -> tuple[Float[np.ndarray, "W 3"], Faces]:
-    """Turn faces so that neighbors agree, then each part as it was (kept), or outwards (closed), or up (open)."""
-    wound = make_winding(vertices, faces)
-    is_turned = (wound != faces).any(axis=1)
-    vertices, wound = drop_unused(*split_fans(vertices, wound))
-    part = compute_components(wound, len(vertices))
-    if keeps_winding:
-        is_wrong = np.bincount(part, np.where(is_turned, -1.0, 1.0) * compute_areas(vertices, wound)) < 0
-    else:
-        normals = compute_area_vectors(vertices, wound)
-        middles = vertices[wound].mean(axis=1) - vertices.mean(axis=0)
-        volume, rise = np.bincount(part, sum_rows(normals * middles)), np.bincount(part, normals[:, 2])
-        sides = group_sides(wound, len(vertices))
-        rim = sides.slots[sides.starts[sides.counts == 1]] // 3
-        is_open = np.bincount(part[rim], minlength=len(rise)) > 0
-        is_wrong = np.where(is_open, rise < 0, volume < 0)
-    return vertices, np.where(is_wrong[part][:, None], wound[:, ::-1], wound)
+def _turn_parts(vertices: Vertices, faces: Faces) -> Faces:
+    """Return the faces, closed parts turned outwards, open ones up."""
+    part = compute_components(faces, len(vertices))
+    normals = compute_area_vectors(vertices, faces)
+    middles = vertices[faces].mean(axis=1) - vertices.mean(axis=0)
+    volume, rise = np.bincount(part, sum_rows(normals * middles)), np.bincount(part, normals[:, 2])
+    sides = group_sides(faces, len(vertices))
+    rim = sides.slots[sides.starts[sides.counts == 1]] // 3
+    is_open = np.bincount(part[rim], minlength=len(rise)) > 0
+    is_wrong = np.where(is_open, rise < 0, volume < 0)
+    return np.where(is_wrong[part][:, None], faces[:, ::-1], faces)
 
 
 def _compute_sides(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.printable import make_printable
+from reconstruction._src.geometry.manifold import make_winding
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction._src.geometry.orientation import find_up_axis, looks_down_below, orient_to_viewpoints
 from reconstruction._src.geometry.rows import compute_area_vectors, compute_areas
@@ -267,7 +268,7 @@ def _look_from(scanned: ScannedSurface, viewpoints: Float[np.ndarray, "K 3"]) ->
         if np.isfinite(mesh.vertices).all() and mesh.area > 0:  # else the repair refuses it
             points, seen_from = simulate_readings(mesh, viewpoints)
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
-    faces = np.asarray(mesh.faces, dtype=np.int64)
+    faces = make_winding(vertices, np.asarray(mesh.faces, dtype=np.int64))
     turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints, seen_from)
     mesh = trimesh.Trimesh(turned.vertices, turned.faces, process=False)
     return replace(scanned, mesh=mesh, viewpoints=viewpoints, seen_from=None, is_oriented=True)

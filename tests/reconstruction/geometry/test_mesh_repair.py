@@ -30,6 +30,16 @@ def test_flipped_faces_are_turned_up(terrain):
     assert repaired.area_faces @ repaired.face_normals[:, 2] > 0.9 * repair_mesh(terrain).area * 0.9
 
 
+def test_what_was_turned_to_who_saw_it_stays_so(terrain):
+    is_back = terrain.triangles_center[:, 0] < 1.0  # joined to the rest: the rest is not turned with it, nor it back
+    faces = np.where(is_back[:, None], terrain.faces[:, ::-1], terrain.faces)
+    mesh = trimesh.Trimesh(terrain.vertices, faces, process=False)
+    repaired = repair_mesh(mesh, RepairConfig(keeps_winding=True))
+    assert repaired.is_winding_consistent  # what is turned came apart
+    assert len(repaired.faces) == len(faces)
+    assert ((repaired.face_normals[:, 2] < 0) == (repaired.triangles_center[:, 0] < 1.0)).all()
+
+
 def test_a_closed_body_is_turned_outwards():
     box = trimesh.creation.box((1, 1, 1))
     inside_out = trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False)

@@ -42,6 +42,15 @@ def test_a_room_seen_from_inside_is_hollow():
     assert arena.quality.beams_contact == 1.0
 
 
+def test_faces_wound_at_random_look_to_who_saw_them():
+    room = trimesh.creation.box([4.0, 3.0, 2.5]).subdivide().subdivide()
+    is_flipped = np.random.default_rng(0).random(len(room.faces)) < 0.5
+    faces = np.where(is_flipped[:, None], room.faces[:, ::-1], room.faces)
+    seen = take_surface(trimesh.Trimesh(room.vertices, faces, process=False), [0.5, 0.0, 0.0]).mesh
+    assert len(seen.faces) == len(faces)
+    assert (np.einsum("ij,ij->i", seen.face_normals, np.array([0.5, 0.0, 0.0]) - seen.triangles_center) > 0).all()
+
+
 def join(meshes: list[trimesh.Trimesh]) -> trimesh.Trimesh:
     joined = trimesh.util.concatenate(meshes)
     assert isinstance(joined, trimesh.Trimesh)
