@@ -131,7 +131,7 @@ _SMALLEST_LEVER = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """Track speeds of a body that moves as a rigid one, read from one to three genes.
+    """Track speeds of a body that moves as a rigid one, read from one or two genes.
 
     A track at (x, y) from the middle of the body, of a module that looks along the angle a, runs at
     ``ahead * cos(a) + turn * (x * sin(a) - y * cos(a)) / longest lever`` of its full speed, in [-1, 1].
@@ -148,9 +148,9 @@ class Drive:
 
     @property
     def genes(self) -> dict[str, float]:
-        """Genes, and where a search with a hint begins: full speed and what is added to it; a constant rate of turn;
-        a gain on the bearing of the goal."""
-        turns = {"track_turn": 0.0, "track_steering": 1.0} if self.can_turn else {}
+        """Genes, and where a search with a hint begins: what is added to full speed, and a gain on the bearing of the
+        goal. None turns the body whatever it senses: an arc would follow a way on one arena, and on no other."""
+        turns = {"track_steering": 1.0} if self.can_turn else {}
         return {"track_speed_change": 0.0} | turns if len(self.ahead) else {}
 
     @property
@@ -168,9 +168,8 @@ class Drive:
         speed = xp.clip(1.0 + genes[:, :1], -1.0, 1.0)
         if not self.can_turn:
             return speed * self.ahead
-        toward_goal = xp.clip(genes[:, 2:3] * compute_bearing(observation, structure), -1.0, 1.0)
-        turn = xp.clip(genes[:, 1:2] + toward_goal, -1.0, 1.0)
-        speed = speed * (1.0 - xp.abs(toward_goal))
+        turn = xp.clip(genes[:, 1:2] * compute_bearing(observation, structure), -1.0, 1.0)
+        speed = speed * (1.0 - xp.abs(turn))
         return xp.clip(speed * self.ahead + turn * self.lever, -1.0, 1.0)
 
 

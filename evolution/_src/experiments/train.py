@@ -47,6 +47,7 @@ RUN = "run"  # Folder of the evolution
 OUTPUTS = (*HALVES, RUN, PAGE)
 GENERATIONS = 30
 _SITE = 20.0  # Edge of the square of a larger scan that is used [m]: a Scout drives 10 m in 100 s
+_TALLEST, _SQUARE = 2.0, 1.0  # Readings so far above the lowest of their square of so wide meet no robot [m]
 _COLUMN, _PARTS = 0.2, 4  # Width of columns of readings [m], and parts of the edge by which squares are apart
 _MOST = 0.9  # Share of the most columns of level ground that is nearly as many
 _LEVEL = 0.05  # Lowest readings of columns side by side that differ by less are of the same level ground [m]
@@ -210,6 +211,19 @@ def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
     return rc.crop(site, [low, high])
 
 
+def keep_low(site: rc.Cloud) -> rc.Cloud:
+    """Return the readings that a robot on the ground can meet, so that crowns and ceilings take nothing from these."""
+    height = site.points[:, 2]
+    square = np.unique(np.floor(site.points[:, :2] / _SQUARE), axis=0, return_inverse=True)[1].ravel()
+    lowest = np.full(square.max() + 1, np.inf)
+    np.minimum.at(lowest, square, height)
+    is_low = height <= lowest[square] + _TALLEST
+    if not is_low.all():
+        text = "of %d readings %d are left out, more than %g m above the lowest of their square of %g m"
+        logger.warning(text, len(is_low), (~is_low).sum(), _TALLEST, _SQUARE)
+    return site.select(is_low)
+
+
 def _find_ground(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 2"]:
     """Return the middle of the square in which most columns end at the height of two of those beside them [m].
 
@@ -251,7 +265,7 @@ def make_models(
         if isinstance(site, sg.Arena):
             made = [site]
         else:
-            halves = split_readings(crop_large(site, ends) if isinstance(site, rc.Cloud) else site)
+            halves = split_readings(keep_low(crop_large(site, ends)) if isinstance(site, rc.Cloud) else site)
             made = [
                 _make_model(half, seed + k, HALVES[k], _part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: "))
                 for k, half in enumerate(halves)

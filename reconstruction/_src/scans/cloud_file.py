@@ -245,7 +245,7 @@ def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
     is_there = cloud.viewpoints is None or not cloud.viewpoints.any()
     rotation = find_upright(cloud.points) if is_there else None
     if rotation is not None:
-        text = "%s: a camera's readings along z, turned until the floor is level; up= says otherwise"
+        text = "%s: a camera's readings, turned until the floor is level; up= says otherwise"
         _logger.warning(text, path)
     elif not is_seen_from_origin(cloud.points) and (axis := find_up(cloud.points)) is not None:
         rotation = np.array(UP_AXES[axis], dtype=np.float64)

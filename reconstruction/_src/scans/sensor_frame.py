@@ -68,20 +68,25 @@ def has_ground_below(points: Float[np.ndarray, "N 3"]) -> bool:
 
 @np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
 def find_upright(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] | None:
-    """Return the rotation that levels the floor of a camera's readings (z ahead, y down); None where it is no camera's.
+    """Return the rotation that levels the floor of a camera's readings; None where it is no camera's.
 
-    They were seen from the origin in a cone along z, and of the surfaces that look to the camera enough look up, within
-    50 degrees of -y: those that most of these agree with are level, as floors, tables and shelves are.
+    They were seen from the origin in a cone along z (y down, or up as in Kinect's frame) or -z (y up, as in OpenGL's).
+    Of the surfaces that look to the camera enough look up, within 50 degrees of y: those that most of these agree with
+    are level, as floors, tables and shelves are.
     """
     drawn = _draw(points, _NUM_SAMPLES)
-    ranges = np.linalg.norm(drawn, axis=1)
-    is_ahead = drawn[:, 2] >= _CAMERA_CONE * ranges
+    ranges, ahead = np.linalg.norm(drawn, axis=1), np.sign(np.median(drawn[:, 2]))
+    is_ahead = ahead * drawn[:, 2] >= _CAMERA_CONE * ranges
     if is_ahead.mean() < _MOST_AHEAD or np.median(ranges) > _CAMERA_RANGE or not is_seen_from_origin(points):
         return None
     places, normals = _find_flat(points)
     normals *= -np.sign(np.sum(normals * places, axis=1))[:, None]  # to the camera
-    up = _find_level(normals @ CAMERA_AXES.T)
-    return None if up is None else _make_level(up) @ CAMERA_AXES
+    for y in (ahead, -ahead):
+        axes = CAMERA_AXES @ np.diag([ahead * y, y, ahead])
+        up = _find_level(normals @ axes.T)
+        if up is not None:
+            return _make_level(up) @ axes
+    return None
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of broken coordinates

@@ -23,27 +23,27 @@ def test_without_track_actions_there_is_nothing_to_drive():
 def test_zero_genes_drive_ahead_at_full_speed():
     assert act(make_drive(snake(3), 1, 1.5), 0.0).tolist() == [1.0]
     assert act(make_drive(snake(3), 3, 1.5), -0.5).tolist() == [0.5] * 3
-    assert act(make_drive(snake(3), 6, 1.5), 0.0, 0.0, 0.0).tolist() == [1.0] * 6
-    assert act(make_drive(snake(3), 6, 1.5), 1.0, 0.0, 0.0).tolist() == [1.0] * 6
-    assert act(make_drive(snake(3), 6, 1.5), -2.0, 0.0, 0.0).tolist() == [-1.0] * 6
+    assert act(make_drive(snake(3), 6, 1.5), 0.0, 0.0).tolist() == [1.0] * 6
+    assert act(make_drive(snake(3), 6, 1.5), 1.0, 0.0).tolist() == [1.0] * 6
+    assert act(make_drive(snake(3), 6, 1.5), -2.0, 0.0).tolist() == [-1.0] * 6
 
 
 def test_a_cross_drives_ahead_though_its_arms_look_at_the_middle():
-    assert act(make_drive(cross(1), 5, 1.5), 0.0, 0.0, 0.0).tolist() == [1.0, 1.0, 1.0, 0.0, 0.0]
+    assert act(make_drive(cross(1), 5, 1.5), 0.0, 0.0).tolist() == [1.0, 1.0, 1.0, 0.0, 0.0]
 
 
 def test_a_single_scout_turns_on_the_spot_and_toward_the_goal():
     drive = make_drive(snake(1), 2, 1.5)
-    assert tuple(drive.genes) == ("track_speed_change", "track_turn", "track_steering")
-    assert act(drive, -1.0, 1.0, 0.0) == pytest.approx([-1.0, 1.0])
-    assert act(drive, 0.0, 0.0, 1.0, bearing=0.2) == pytest.approx([0.6, 1.0])
-    assert act(drive, 0.0, 0.0, 1.0, bearing=-0.2) == pytest.approx([1.0, 0.6])
-    assert act(drive, 0.0, 0.0, 1.0, bearing=3.0) == pytest.approx([-1.0, 1.0])
-    assert act(drive, 0.0, 0.0, 0.0, bearing=3.0) == pytest.approx([1.0, 1.0])
+    assert tuple(drive.genes) == ("track_speed_change", "track_steering")
+    assert act(drive, -1.0, 1.0, bearing=3.0) == pytest.approx([-1.0, 1.0])
+    assert act(drive, 0.0, 1.0, bearing=0.2) == pytest.approx([0.6, 1.0])
+    assert act(drive, 0.0, 1.0, bearing=-0.2) == pytest.approx([1.0, 0.6])
+    assert act(drive, 0.0, 1.0, bearing=3.0) == pytest.approx([-1.0, 1.0])
+    assert act(drive, 0.0, 0.0, bearing=3.0) == pytest.approx([1.0, 1.0])
 
 
 def test_turning_is_a_rigid_rotation_about_the_middle():
-    legs = act(make_drive(letter_h(3), 7, 1.5), -1.0, 1.0, 0.0)
+    legs = act(make_drive(letter_h(3), 7, 1.5), -1.0, 1.0, bearing=3.0)
     assert legs[:3] == pytest.approx([0.0, 0.0, 0.0])
     assert np.abs(legs[3:]) == pytest.approx([1.0] * 4)
     assert legs[3] * legs[4] < 0 < legs[3] * legs[6]
@@ -52,7 +52,7 @@ def test_turning_is_a_rigid_rotation_about_the_middle():
 def test_arms_that_look_at_the_middle_cannot_turn_a_cross():
     """The middle of a cross lies 4 mm before its middle module, which is no lever to speak of."""
     assert not make_drive(cross(1), 5, 1.5).can_turn
-    skid = act(make_drive(cross(1), 10, 1.5), -1.0, 1.0, 0.0)
+    skid = act(make_drive(cross(1), 10, 1.5), -1.0, 1.0, bearing=3.0)
     assert (skid[0::2] < 0).all()
     assert (skid[1::2] > 0).all()
 

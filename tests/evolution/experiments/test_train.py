@@ -13,7 +13,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.cli.main import run
 from evolution._src.experiments import train as training
-from evolution._src.experiments.train import choose_task, crop_large, split_readings
+from evolution._src.experiments.train import choose_task, crop_large, keep_low, split_readings
 from evolution._src.experiments.train_page import _compare_models
 from symbrion_gym._src.contact.quality import ArenaQuality
 
@@ -103,6 +103,19 @@ def test_of_a_large_scan_the_part_with_most_level_ground_is_used() -> None:
         rng.uniform([-40, -10, 0], [40, 10, 40], (2_000, 3))
     )  # no ground at all: about the middle
     assert np.abs(np.median(crop_large(scattered, ()).points[:, 0])) < 5.0
+
+
+def test_crowns_and_ceilings_are_left_out_and_trunks_and_slopes_are_not(caplog) -> None:
+    rng = np.random.default_rng(0)
+    plan = rng.uniform(-8, 8, (30_000, 2))
+    height = rng.choice([0.0, 6.0], len(plan), p=[0.3, 0.7]) + rng.normal(0.0, 0.2, len(plan))
+    slope = 0.5 * plan[:, 0]
+    trunk = np.column_stack([rng.normal(3.0, 0.05, (2_000, 2)), rng.uniform(1.5, 7.5, 2_000)])
+    kept = keep_low(rc.Cloud(np.concatenate([np.column_stack([plan, slope + height]), trunk])))
+    above = kept.points[:, 2] - 0.5 * kept.points[:, 0]
+    assert (above < 3.0).all()
+    assert (above < 1.0).sum() >= (height < 1.0).sum()  # all of the ground, and of the trunk, too
+    assert f"{len(plan) + len(trunk) - kept.num_points} are left out" in caplog.text
 
 
 def test_a_way_leads_over_the_most_level_ground_that_both_models_confirm() -> None:

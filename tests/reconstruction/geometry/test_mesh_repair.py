@@ -31,7 +31,9 @@ def test_flipped_faces_are_turned_up(terrain):
 
 
 def test_what_was_turned_to_who_saw_it_stays_so(terrain):
-    is_back = terrain.triangles_center[:, 0] < 1.0  # joined to the rest: the rest is not turned with it, nor it back
+    is_back = (
+        terrain.triangles_center[:, 0] < 1.0
+    )  # joined to the rest: the rest is not turned with it, nor it back
     faces = np.where(is_back[:, None], terrain.faces[:, ::-1], terrain.faces)
     mesh = trimesh.Trimesh(terrain.vertices, faces, process=False)
     repaired = repair_mesh(mesh, RepairConfig(keeps_winding=True))

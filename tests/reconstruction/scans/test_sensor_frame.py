@@ -84,6 +84,18 @@ def test_the_floor_of_a_camera_becomes_level(roll: float, pitch: float) -> None:
     assert np.degrees(np.arccos(up[2])) < 0.5
 
 
+@pytest.mark.parametrize(
+    "turn", [(-1.0, -1.0, 1.0), (1.0, -1.0, -1.0)], ids=["y up, z ahead", "y up, -z ahead"]
+)
+def test_other_frames_of_cameras_are_known(turn: tuple[float, float, float]) -> None:
+    points, rotation = picture(0.1, 0.4)
+    is_low = (points @ rotation.T)[:, 2] < 2.0  # no ceiling, which is a floor in the frame of another camera
+    upright = find_upright(points[is_low] * turn)
+    assert upright is not None
+    assert np.degrees(np.arccos((upright @ (rotation.T @ [0.0, 0.0, 1.0] * turn))[2])) < 0.5
+    assert np.linalg.det(upright) == pytest.approx(1.0)
+
+
 def test_what_only_lies_ahead_or_shows_no_floor_is_no_camera_s() -> None:
     points, rotation = picture(0.0, 0.2)
     assert find_upright(20.0 * points) is None  # a valley

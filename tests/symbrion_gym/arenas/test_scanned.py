@@ -48,7 +48,9 @@ def test_faces_wound_at_random_look_to_who_saw_them():
     faces = np.where(is_flipped[:, None], room.faces[:, ::-1], room.faces)
     seen = take_surface(trimesh.Trimesh(room.vertices, faces, process=False), [0.5, 0.0, 0.0]).mesh
     assert len(seen.faces) == len(faces)
-    assert (np.einsum("ij,ij->i", seen.face_normals, np.array([0.5, 0.0, 0.0]) - seen.triangles_center) > 0).all()
+    assert (
+        np.einsum("ij,ij->i", seen.face_normals, np.array([0.5, 0.0, 0.0]) - seen.triangles_center) > 0
+    ).all()
 
 
 def join(meshes: list[trimesh.Trimesh]) -> trimesh.Trimesh:
