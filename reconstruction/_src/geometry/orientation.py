@@ -33,6 +33,8 @@ _LEVEL = 0.9
 """A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
 _MOST_LEVEL, _LEAST_LEVEL = 4.0, 0.25
 """Another axis than z points up where so many times more is level along it than along any other, and so much of all."""
+_SQUARE, _MOST_SQUARE, _LEAST_FLOOR = np.deg2rad(6.0), 2.0, 0.15
+"""Or that to which twice as much lies square, to this angle [rad], as to z, so much of it across, as floors do."""
 _LOWEST = 0.15  # The bottom of a surface is this share of its height
 _LARGEST = 2.0**30  # Flows are 32-bit integers; the sum of the capacities at a face stays below
 
@@ -155,17 +157,23 @@ def measure_level_areas(areas: Float[np.ndarray, "F 3"]) -> Float[np.ndarray, " 
 def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 3"]) -> str | None:
     """Return the axis that points up where it is not z beyond doubt: most of what is level lies along it.
 
-    Of its two directions that one in which more of the level area lies low, as floors do.
+    Or floors lie across it and walls along it, and across and along z they do not: rooms stand at any angle about the
+    vertical. Of its two directions that one in which more of the level area lies low, as floors do.
 
     Args:
         areas: normals of parts of the surface, each as long as its area.
         middles: where the parts lie.
     """
-    shares = measure_level_areas(areas)
+    shares, size = measure_level_areas(areas), compute_lengths(areas)
     axis = int(shares.argmax())
     if axis == 2 or shares[axis] < max(_LEAST_LEVEL, _MOST_LEVEL * float(np.delete(shares, axis).max())):
-        return None
-    size, height = compute_lengths(areas), middles[:, axis]
+        cosines = np.abs(areas) / np.maximum(size, np.finfo(float).tiny)[:, None]
+        floors, walls = size @ (cosines > np.cos(_SQUARE)), size @ (cosines < np.sin(_SQUARE))
+        square = floors + walls
+        axis = int(square.argmax())
+        if axis == 2 or square[axis] < _MOST_SQUARE * square[2] or floors[axis] < _LEAST_FLOOR * size.sum():
+            return None
+    height = middles[:, axis]
     level = np.where(np.abs(areas[:, axis]) > _LEVEL * size, size, 0.0)
     middle = (height.min() + height.max()) / 2
     is_low = float(level[height < middle].sum()) >= float(level[height >= middle].sum())

@@ -115,8 +115,8 @@ def load_cloud(
         unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says (.las, .e57, .gltf, .dae, .3d), meters
             where it does not.
         up: axis of the file that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what the file says (.gltf,
-            .dae), "z" where it does not, or x or y where most of what is level lies along it. A picture of a depth
-            camera in its own frame is turned until its floor is level.
+            .dae), "z" where it does not, or x or y where floors or a landscape face along it. A picture of a depth
+            camera in its own frame and a tilted room are turned until their floor is level.
         scale: a further factor, for files whose unit has no name.
         max_bytes: most bytes that the file may hold unpacked, and its points in memory (24 bytes each).
         viewpoints: `[K, 3]` or `[3]` where the sensor stood, in meters with z up, before large coordinates are moved;

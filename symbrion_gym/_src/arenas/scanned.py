@@ -203,14 +203,12 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
 
 
 def _turn_upright(mesh: trimesh.Trimesh, name: str) -> None:
-    """Turn a mesh whose level area lies along another axis than z, and log it."""
+    """Turn a mesh whose floors face along another axis than z, and log it."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     up = find_up_axis(compute_area_vectors(vertices, faces), vertices[faces].mean(axis=1))
     if up is None:
         return
-    _logger.warning(
-        "%s: %s is taken for up, as most of what is level lies along it; --up says otherwise", name, up
-    )
+    _logger.warning("%s: %s is taken for up, as floors face along it; --up says otherwise", name, up)
     axes = np.array(UP_AXES[up], dtype=np.float64)
     mesh.vertices = vertices @ axes.T
     mesh.metadata["offset"] = axes @ mesh.metadata["offset"]

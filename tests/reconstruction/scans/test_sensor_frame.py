@@ -185,6 +185,27 @@ def test_a_tilted_room_becomes_level_and_a_hillside_or_a_room_on_its_side_is_lef
     assert find_tilt(hillside @ make_rotation(0.0, 0.5, 0.0).T) is None
 
 
+@pytest.mark.parametrize("up", ["x", "y", "-y", "z"])
+def test_up_of_a_room_is_where_floors_lie_across_and_walls_along(up: str) -> None:
+    """With as much of walls as of floor and table; the room stands at an angle to the other axes."""
+    parts = [
+        trimesh.creation.box(size, trimesh.transformations.translation_matrix(place))
+        for size, place in (
+            ((3, 2, 0.01), (0, 0, 0)),
+            ((3, 0.01, 2), (0, 1, 1)),
+            ((0.01, 2, 2), (-1.5, 0, 1)),
+            ((1, 1, 0.05), (-1, 0.5, 0.7)),
+        )
+    ]
+    room = trimesh.util.concatenate(parts)
+    points = trimesh.sample.sample_surface(room, 40_000, seed=0)[0] @ make_rotation(yaw=0.4).T
+    points += np.random.default_rng(0).normal(0.0, 0.002, points.shape)
+    matrix = np.array(UP_AXES[up])
+    assert find_up(points @ matrix) == (None if up == "z" else up)
+    tilted = make_rotation(roll=0.3).T
+    assert find_up(points @ tilted @ matrix) is None
+
+
 def test_a_scanner_between_long_walls_is_not_turned(tmp_path: Path) -> None:
     """Its few level beams hardly meet the floor, so that most of what is flat looks sideways."""
     heading, rise = np.meshgrid(np.linspace(-np.pi, np.pi, 1800), np.deg2rad(np.linspace(-15, 15, 16)))
