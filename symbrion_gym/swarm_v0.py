@@ -1,7 +1,5 @@
 """The PettingZoo environment of a swarm, `swarm_v0.parallel_env(...)`, and its worlds without PettingZoo."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 from reconstruction._src.base.extras import require_extras
@@ -16,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["DynamicWorld", "KinematicWorld", "SwarmCommands", "SwarmEnv", "SwarmState", "parallel_env"]
 
 
-def parallel_env(render_mode: str | None = None, **options: Any) -> SwarmEnv:
+def parallel_env(render_mode: str | None = None, **options: Any) -> "SwarmEnv":
     """Return a PettingZoo `ParallelEnv` of Scouts that sense, dock and part; see `SwarmEnv` for all options.
 
     Args:

@@ -1,7 +1,5 @@
 """What `reconstruct` is given, as one cloud: points with viewpoints and colors, near the origin of their frame."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike

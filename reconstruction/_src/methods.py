@@ -1,7 +1,5 @@
 """The networks by name: their modules, loaded at first use, and their configurations, also from a saved file."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -24,7 +22,7 @@ METHODS = {
 """Method -> the module of its network, which is loaded at first use, and the name of its configuration."""
 
 
-def find_method(method: str) -> tuple[Any, type[NetworkConfig]]:
+def find_method(method: str) -> "tuple[Any, type[NetworkConfig]]":
     """Return the module of a method, with `State`, `train` and `train_again`, and its configuration."""
     if method not in METHODS:
         raise ReconstructionError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
@@ -33,7 +31,7 @@ def find_method(method: str) -> tuple[Any, type[NetworkConfig]]:
     return network, getattr(network, config)
 
 
-def make_config(config_type: type[NetworkConfig], values: dict[str, object]) -> NetworkConfig:
+def make_config(config_type: "type[NetworkConfig]", values: dict[str, object]) -> "NetworkConfig":
     """Return the configuration, with lists from JSON as tuples; refuse names that it does not have."""
     known = {field.name for field in dataclasses.fields(config_type)}
     unknown = sorted(set(values) - known)

@@ -1,7 +1,5 @@
 """From points to a surface by one call."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from numpy.typing import ArrayLike

@@ -1,7 +1,5 @@
 """The names under which Gymnasium makes the environments."""
 
-from __future__ import annotations
-
 from copy import copy
 from typing import Any
 

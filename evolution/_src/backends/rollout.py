@@ -4,8 +4,6 @@ When a trial ends, the next one starts in its sub-environment, so that no thread
 result of a trial depends on its genotype and its conditions only, whatever the other sub-environments run.
 """
 
-from __future__ import annotations
-
 import logging
 from collections import Counter, OrderedDict, defaultdict, deque
 from collections.abc import Hashable, Iterable, Mapping, Sequence
@@ -302,7 +300,7 @@ def _make_device_environment(controller: Controller, **options: Any) -> Any:
     return environment
 
 
-def _check_controller(controller: Controller, environment: DeviceVectorEnv) -> None:
+def _check_controller(controller: Controller, environment: "DeviceVectorEnv") -> None:
     """Trace a controller."""
     import jax
 
@@ -318,7 +316,7 @@ def _check_controller(controller: Controller, environment: DeviceVectorEnv) -> N
         raise TypeError(f"controller {controller.name!r} returns actions of shape {actions.shape}")
 
 
-def _make_act(controller: Controller, environment: DeviceVectorEnv) -> Any:
+def _make_act(controller: Controller, environment: "DeviceVectorEnv") -> Any:
     structure = environment.observation_structure
     return lambda seen, genes, state: controller.act(seen, genes, structure, state)
 

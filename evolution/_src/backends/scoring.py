@@ -1,7 +1,5 @@
 """The outcome of trials and its fitness, by the weights that ship or any function of a user; what is kept of trials."""
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -83,7 +81,7 @@ class Scoring:
         limits = (-_MAX_WEIGHT, _MAX_WEIGHT)
         coerce_floats(self, {"success": limits, "effort": limits, "module": limits}, RunError)
 
-    def __call__(self, outcome: Outcome, body: Organism) -> float:
+    def __call__(self, outcome: Outcome, body: "Organism") -> float:
         """Return the fitness of an outcome of a body."""
         return self.score(outcome, body.num_modules)
 
@@ -114,7 +112,7 @@ def find_scoring(scoring: Any) -> Any:
     return found
 
 
-def compute_fitness(scoring: Any, outcome: Outcome, body: Organism) -> float:
+def compute_fitness(scoring: Any, outcome: Outcome, body: "Organism") -> float:
     """Return the fitness of an outcome."""
     if isinstance(scoring, Stored):
         raise RunError("the scoring of a file is not imported; `resume` restores it")

@@ -1,7 +1,5 @@
 """A champion that was evolved as an organism, in robots that have docked into its body."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +27,9 @@ class DockedChampion:
 
     dt = 0.02  # Time between two actions, as in the environment [s]
 
-    def __init__(self, champion: Champion, world: DynamicWorld, modules: Sequence[int], start: float) -> None:
+    def __init__(
+        self, champion: Champion, world: "DynamicWorld", modules: Sequence[int], start: float
+    ) -> None:
         from symbrion_gym._src.swarm.docks import make_organism
 
         self._world, self._modules = world, list(modules)

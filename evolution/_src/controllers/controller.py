@@ -3,8 +3,6 @@
 The only memory is how long ago each module last touched the ground, because contact flickers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -104,7 +102,7 @@ class LawController:
 OwnController = LawController | OscillatorController  # A controller of this package
 
 
-def make_law(name: str, organism: Organism, num_tracks: int = 0) -> OwnController:
+def make_law(name: str, organism: "Organism", num_tracks: int = 0) -> OwnController:
     """Make a law of ours for a body."""
     check_choice("controller", name, CONTROLLERS, RunError)
     if not organism.hinges and not num_tracks:

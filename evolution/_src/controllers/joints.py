@@ -1,7 +1,5 @@
 """How the hinges of an organism lie in its tree of modules, as arrays that control laws index with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, sin
 from typing import TYPE_CHECKING, Any
@@ -74,7 +72,7 @@ class Joints:
         return both[:, self.ahead_column] * self.ahead_sign
 
 
-def find_joints(organism: Organism) -> Joints:
+def find_joints(organism: "Organism") -> Joints:
     """Return how the hinges of an organism lie in its tree."""
     count, parents, order = organism.num_modules, organism.parents, organism.order[1:]
     poses, pitch = organism.compute_poses(), organism.scout.pitch
@@ -188,7 +186,7 @@ def count_tracks(track_control: str, num_modules: int) -> int:
     return counts[track_control]
 
 
-def make_drive(organism: Organism, num_tracks: int, bound: float) -> Drive:
+def make_drive(organism: "Organism", num_tracks: int, bound: float) -> Drive:
     """Return how the tracks of a body drive it."""
     count = organism.num_modules
     if num_tracks not in (0, 1, count, 2 * count):

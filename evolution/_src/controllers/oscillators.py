@@ -21,8 +21,6 @@ References:
     Differs: couplings are not weighted by amplitudes, so that a resting hinge passes the rhythm on; N is 1 or 0.
 """
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The page of a search for bodies: a grid of the fittest ones; a click shows how it drives."""
 
-from __future__ import annotations
-
 import os
 import platform
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The error map of an arena: surface and contact geometry, colored by how far they lie from each other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import matplotlib as mpl

@@ -1,7 +1,5 @@
 """Figures of point clouds, surfaces, arenas and runs; drawn without a display or OpenGL."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from math import ceil, cos, sin

@@ -1,7 +1,5 @@
 """Draw triangles into pixels with a depth buffer, without a display or OpenGL; equal input gives equal pixels."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -202,7 +200,7 @@ _LEAST_AROUND = 1.0  # [m]
 
 
 def find_frame(
-    arena: sg.Arena, route: DrivingRoute | None = None, way: Pair | None = None
+    arena: sg.Arena, route: "DrivingRoute | None" = None, way: "Pair | None" = None
 ) -> Float[np.ndarray, "N 3"]:
     """Return the points that a picture of an arena shows: vertices of its surface, and the route."""
     vertices = np.asarray(arena.surface.vertices, dtype=np.float64)

@@ -1,7 +1,5 @@
 """The part of contact geometry that a robot may meet, for pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int

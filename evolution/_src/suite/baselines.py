@@ -1,7 +1,5 @@
 """The baselines of the suite: no effort, and chance and CMA-ES over the genes of two laws."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Nothing is believed that a submission says of itself. Its code, where it has som
 gets observations and returns actions; environment, success and fitness are computed outside of it.
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

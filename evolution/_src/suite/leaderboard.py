@@ -1,7 +1,5 @@
 """The leaderboard: what submissions reached in an exam, side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 from typing import Any, NamedTuple

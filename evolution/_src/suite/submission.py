@@ -3,8 +3,6 @@
 A file is filled entry by entry, so that a run that was stopped goes on. What it is worth the exam finds out.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The tasks of the benchmark suite: an arena from a scan, its exact counterpart, a body and a budget."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -51,7 +49,7 @@ class SuiteTask:
     options: Mapping[str, Any] = field(default_factory=dict)  # of the environment
 
     def make_trials(
-        self, arena: ArenaSource, body: Any, controller: Any, count: int, seed: tuple[int, ...]
+        self, arena: "ArenaSource", body: Any, controller: Any, count: int, seed: tuple[int, ...]
     ) -> Trials:
         """Return trials of a genotype."""
         return Trials(

@@ -4,8 +4,6 @@ References:
     Drost, Ulrich, Navab, Ilic (2010): Model globally, match locally: efficient and robust 3D object recognition. CVPR.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -139,7 +137,7 @@ class _Scene(NamedTuple):
 
 def find_objects(
     scan: Any,
-    objects: Mapping[str, trimesh.Trimesh],
+    objects: "Mapping[str, trimesh.Trimesh]",
     config: ObjectsConfig | None = None,
     *,
     seed: int = 0,

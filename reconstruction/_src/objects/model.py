@@ -1,7 +1,5 @@
 """A known object, prepared for the search: samples with normals, a light mesh, symmetries."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -87,7 +85,7 @@ class ObjectModel(NamedTuple):
         return pose[:3, :3] @ self.center + pose[:3, 3]
 
 
-def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:
+def make_model(name: str, mesh: "trimesh.Trimesh") -> ObjectModel:
     """Prepare an object."""
     import igl
 
@@ -136,7 +134,9 @@ def compute_spread(points: Points) -> tuple[Float[np.ndarray, " 3"], Float[np.nd
     return np.sqrt(np.maximum(variances, 0.0)), axes * [1.0, 1.0, np.sign(np.linalg.det(axes))]
 
 
-def compute_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "S 3 3"]:
+def compute_symmetries(
+    mesh: "trimesh.Trimesh", center: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, "S 3 3"]:
     """Return the rotations about a center that map a mesh onto itself, the identity first.
 
     Tried are full fractions of a turn about the axes x, y, z and the axes of inertia; combinations of those found

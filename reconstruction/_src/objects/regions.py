@@ -1,7 +1,5 @@
 """Where an object may be: the scan without its large planes (walls, floor, table tops), in overlapping regions."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

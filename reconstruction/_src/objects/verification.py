@@ -1,7 +1,5 @@
 """Whether a scan agrees with an object at a pose: beams end on it, and none passes through it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +30,7 @@ class Beams(NamedTuple):
     directions: Float[np.ndarray, "B 3"]  # unit vectors
     ranges: Float[np.ndarray, " B"]  # [m]
 
-    def select_near(self, center: Float[np.ndarray, " 3"], radius: float, most: int | None = None) -> Beams:
+    def select_near(self, center: Float[np.ndarray, " 3"], radius: float, most: int | None = None) -> "Beams":
         """Return those that pass a ball ahead of the sensor [m]; of more than `most` every second, third, ..."""
         offset = center - self.origins
         along = sum_rows(offset * self.directions)

@@ -1,7 +1,5 @@
 """Colors of a surface: each place takes the weighted mean of the colored points around it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -5,8 +5,6 @@ differ: where the surface goes on in the plane of the readings around, as a spar
 the scanner looked through it, it is wrong, and need not be as far; anything between stands for what nobody saw.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The folder of a tiled surface: one file a tile, and `tiles.json` with what belongs together."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass
@@ -35,7 +33,7 @@ class TiledSurface:
     places: tuple[Place, ...]  # columns and rows of the tiles that have a surface
 
     @classmethod
-    def load(cls, folder: str | Path) -> TiledSurface:
+    def load(cls, folder: str | Path) -> "TiledSurface":
         """Read the index of a folder that `reconstruct_tiles` wrote."""
         folder = Path(folder)
         try:

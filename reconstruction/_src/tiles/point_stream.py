@@ -1,7 +1,5 @@
 """How a large scan is divided into tiles, and its points in chunks, so that no more than a chunk is in memory."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """Where tiles meet: surfaces are cut at the border, moved onto the mean of the neighbors, and get the same vertices."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The surface of a scan that is too large for memory, tile by tile."""
 
-from __future__ import annotations
-
 import itertools
 import logging
 import tempfile

@@ -3,8 +3,6 @@
 A job and its result are plain data, and files hold the rest: on several machines the folder must be a shared one.
 """
 
-from __future__ import annotations
-
 import importlib
 import itertools
 import json

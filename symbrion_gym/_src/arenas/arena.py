@@ -3,8 +3,6 @@
 And arenas made of arenas: with colors, with objects, a little longer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -128,7 +126,7 @@ class Arena:
         return f"Arena({self.name!r}: {contact}, {len(self.surface.faces)} faces, {size} m, {off})"
 
     @classmethod
-    def from_course(cls, course: Course | StairsCourse, name: str = "truth") -> Arena:
+    def from_course(cls, course: Course | StairsCourse, name: str = "truth") -> "Arena":
         """Make the exact arena of a course: contact and surface agree to the last digit."""
         pieces, surface = course.pieces(), course.surface()
         return cls(
@@ -319,7 +317,7 @@ class Arena:
         return export_arena(folder, self.geometry, to, max_vertices, about)
 
     @classmethod
-    def load(cls, folder: str | Path) -> Arena:
+    def load(cls, folder: str | Path) -> "Arena":
         """Read what `save` wrote.
 
         Raises:

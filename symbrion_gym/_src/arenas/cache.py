@@ -1,7 +1,5 @@
 """Contact geometry in the user's cache: one file an entry, named by the hash of all that went in."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging

@@ -4,8 +4,6 @@
 pictures) and its exact convex pieces (for contact).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any

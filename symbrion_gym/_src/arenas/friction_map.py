@@ -1,7 +1,5 @@
 """Where the ground is more or less slippery than elsewhere: patches seen from above, each with its friction."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -49,7 +47,7 @@ class FrictionPatch:
     @classmethod
     def of_rectangle(
         cls, low: tuple[float, float], high: tuple[float, float], friction: float, half_width: float = 0.0
-    ) -> FrictionPatch:
+    ) -> "FrictionPatch":
         """Make a patch of the lowest and the highest x and y of a rectangle [m]."""
         outline = ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))
         return cls(friction, (outline,), half_width)
@@ -91,7 +89,7 @@ class FrictionMap:
         """Return the sliding friction at every place (x, y, ...), `friction` outside of all patches."""
         return np.array([*(patch.friction for patch in self.patches), friction])[self.find_patches(places)]
 
-    def stretch(self, factor: float, shift: float = 0.0) -> FrictionMap:
+    def stretch(self, factor: float, shift: float = 0.0) -> "FrictionMap":
         """Return the map with all lengths along x multiplied, then moved along x [m]."""
         patches = []
         for patch in self.patches:
@@ -104,7 +102,7 @@ class FrictionMap:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> FrictionMap:
+    def from_dict(cls, fields: dict[str, Any]) -> "FrictionMap":
         """Return what `as_dict` was made of.
 
         Raises:

@@ -1,7 +1,5 @@
 """Arenas by name, from folders, and made of surfaces."""
 
-from __future__ import annotations
-
 import logging
 from dataclasses import replace
 from pathlib import Path
@@ -58,7 +56,7 @@ def choose_friction(
     friction: float | None,
     friction_map: FrictionMap | None,
     course: Course | StairsCourse | None,
-    felt: FrictionEstimate | None,
+    felt: "FrictionEstimate | None",
 ) -> GroundFriction:
     """Return the friction of an arena: what is given goes before the course, this before what robots felt.
 
@@ -76,7 +74,7 @@ def choose_friction(
     return GroundFriction(_clip(ground.friction), "estimated", friction_map)
 
 
-def _make_patch(patch: EstimatedPatch) -> FrictionPatch:
+def _make_patch(patch: "EstimatedPatch") -> FrictionPatch:
     outlines = tuple(((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for x0, y0, x1, y1 in patch.rectangles.tolist())
     return FrictionPatch(_clip(patch.friction), outlines, patch.half_width)
 
@@ -95,7 +93,7 @@ logger = logging.getLogger(__name__)
 
 
 def make_arena(
-    surface: Reconstruction | trimesh.Trimesh | str | Path,
+    surface: "Reconstruction | trimesh.Trimesh | str | Path",
     *,
     accuracy: float | None = None,
     reach: float | None = 1.2,

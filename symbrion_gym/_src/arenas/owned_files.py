@@ -1,7 +1,5 @@
 """Folders in which only the files that a manifest names are replaced or removed: those of others stay."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Known objects in an arena: their poses and shapes; sites that tasks can use, geoms that are drawn."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass

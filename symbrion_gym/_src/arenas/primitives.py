@@ -1,7 +1,5 @@
 """Primitives of an arena: what stands in for triangles, in rays, in contact and in its folder."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -5,8 +5,6 @@ first with the meshes in `.arena/`, then under the names listed in `folder`. Eit
 and `arena.json` after them, and what it no longer names is removed last.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from dataclasses import dataclass

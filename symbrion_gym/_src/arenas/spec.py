@@ -1,7 +1,5 @@
 """An arena as MuJoCo sees it: contact pieces in one geom group, the exact surface in another."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import mujoco

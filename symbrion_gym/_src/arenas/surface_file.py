@@ -1,7 +1,5 @@
 """Mesh files: those that arenas are made of, and OBJ as arenas are saved and exported."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

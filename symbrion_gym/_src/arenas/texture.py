@@ -1,7 +1,5 @@
 """The colors of an arena's surface, and a picture of them: MuJoCo draws no colors of vertices."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """An arena as MuJoCo's viewer shows it: contact translucent over the surface, drivable ground, a route."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from typing import Any

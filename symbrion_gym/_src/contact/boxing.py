@@ -5,8 +5,6 @@ so robots next to it are compared with it for nothing; parts under one plane eac
 is a box are found several times faster than those of a hull.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a repaired surface to contact geometry: a few ways to make it, and one rule that accepts their candidates."""
 
-from __future__ import annotations
-
 import math
 import time
 from bisect import bisect_left

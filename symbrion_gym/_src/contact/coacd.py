@@ -1,7 +1,5 @@
 """A closed solid as convex pieces, by coacd in a process of its own."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

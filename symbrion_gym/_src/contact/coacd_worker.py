@@ -3,8 +3,6 @@
 Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz`, without the rest of the package; see `coacd.py`.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from typing import Any

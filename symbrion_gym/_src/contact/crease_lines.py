@@ -1,7 +1,5 @@
 """Where a terrain may be cut: lines in plan along creases, walls and steps."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int

@@ -8,8 +8,6 @@ Contact to surface: from points all over the pieces that a robot can touch (insi
 surface): how far contact stands in front of the surface.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

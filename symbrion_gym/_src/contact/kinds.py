@@ -9,8 +9,6 @@
 | `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 

@@ -9,8 +9,6 @@ References:
 Differs: triangles lie in 3-D, and parts may be concave by a tolerance.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

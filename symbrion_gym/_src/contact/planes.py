@@ -10,8 +10,6 @@ References:
 Differs: candidates are the flattest places in order, not random samples, so equal meshes give equal planes.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

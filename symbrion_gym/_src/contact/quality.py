@@ -1,7 +1,5 @@
 """How well the contact of an arena follows its surface, as numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -87,7 +85,7 @@ class ArenaQuality:
         return {name: value if np.isfinite(value) else None for name, value in measured.items()}
 
     @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> ArenaQuality:
+    def from_dict(cls, fields: dict[str, Any]) -> "ArenaQuality":
         """Return what `as_dict` was made of."""
         known = {name: np.inf if value is None else value for name, value in fields.items()}
         try:
@@ -103,7 +101,7 @@ class ArenaQuality:
         num_pieces: int,
         seconds: float = 0.0,
         protrusions: Float[np.ndarray, " M"] | None = None,
-    ) -> ArenaQuality:
+    ) -> "ArenaQuality":
         """Summarize signed distances of contact from the surface [m], above 0 where contact stands in front of it."""
         if not len(gaps) or not np.isfinite(gaps).all():
             return cls(np.inf, np.inf, np.inf, num_pieces, np.inf, 1.0, seconds)

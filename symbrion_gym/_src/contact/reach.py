@@ -1,7 +1,5 @@
 """What of a surface robots can touch: all that is no higher than a reach above ground beside it."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 from jaxtyping import Float

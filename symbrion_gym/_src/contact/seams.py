@@ -7,8 +7,6 @@ Pieces come with needless corners (a ragged rim, cuts next to creases). Each is 
 3. In the end, what is hidden beneath others goes, and hidden ends stop short of the crests that bodies slide over.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 from jaxtyping import Float

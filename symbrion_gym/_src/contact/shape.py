@@ -1,7 +1,5 @@
 """What kind of surface it is: open terrain, an open surface with overhangs, or a closed body."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The triangles that pieces are made of: fewer where they still follow the surface, on planes, none of them long."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 from jaxtyping import Int

@@ -6,8 +6,6 @@ solid. Cuts are tried along hollow creases (where two planes meet below both) an
 direction. Cells that one cap serves as well are joined again, also where the joint runs beneath other ground.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple

@@ -4,8 +4,6 @@ A distance between two surfaces does not tell on which side of a wall the solid 
 that grew towards the scanner they end too early, and the free space that they passed lies inside a piece.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -5,8 +5,6 @@ is, bit for bit. In most ticks nothing happens: `symbrion_gym._src.tasks.watch` 
 terminations, goal and the rewards at the end are not even called.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import isfinite
 from typing import Any, NamedTuple

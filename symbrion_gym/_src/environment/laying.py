@@ -1,7 +1,5 @@
 """An organism put on the ground: bent along it if it is a snake, else settled as if let down with all servos loose."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import mujoco

@@ -1,7 +1,5 @@
 """Make vector environments: on the engine that the option `backend` names, and for stable-baselines3."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
 
 def make_vector_env(
     num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", arenas: Any = None, **options: Any
-) -> OrganismVectorEnv | ManyArenasVectorEnv | DeviceVectorEnv:
+) -> "OrganismVectorEnv | ManyArenasVectorEnv | DeviceVectorEnv":
     """Return the vector environment of an id, on an engine and with arrays of a library, or in several arenas."""
     check_choice("backend", backend, ("mujoco", "warp"), OptionError)
     check_choice("array", array, ("numpy", "jax", "torch"), OptionError)
@@ -49,7 +47,7 @@ def make_vector_env(
 
 def make_sb3_env(
     environment_id: str, num_envs: int = 16, seed: int | None = None, **options: Any
-) -> StableBaselinesEnv:
+) -> "StableBaselinesEnv":
     """Return a `VecEnv` of stable-baselines3 over a registered environment.
 
     Args:

@@ -1,7 +1,5 @@
 """Vector environments of one arena each, composed to one of many arenas."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import isfinite
 from typing import Any

@@ -3,8 +3,6 @@
 Functions of arrays take `xp`, NumPy on the host and `jax.numpy` on a device.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import isnan, pi
 from typing import Any

@@ -1,7 +1,5 @@
 """The Gymnasium environment: an organism of docked Scouts has to get across."""
 
-from __future__ import annotations
-
 import copy
 import gc
 from typing import Any
@@ -292,7 +290,7 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
             self._renderer.close()
             self._renderer = None
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> OrganismEnv:
+    def __deepcopy__(self, memo: dict[int, Any]) -> "OrganismEnv":
         """Return an independent copy in the same state, without window or graphics context."""
         twin = object.__new__(type(self))
         memo[id(self)] = twin

@@ -1,7 +1,5 @@
 """The environment many at once: one `mujoco.batch.Batch` steps all simulations on threads."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from inspect import signature

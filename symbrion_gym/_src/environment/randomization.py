@@ -1,7 +1,5 @@
 """What may differ from episode to episode: how it is drawn, and how an episode begins with it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Images of a simulation: light, sky and a camera that follows the organism."""
 
-from __future__ import annotations
-
 import copy
 import logging
 from typing import Any, NamedTuple

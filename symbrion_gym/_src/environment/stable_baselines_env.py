@@ -1,7 +1,5 @@
 """The vector environment in the form of stable-baselines3 (the extra `rl`): one process, all simulations at once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """An organism in an arena, compiled: the model, and what is where in it."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import asdict, fields

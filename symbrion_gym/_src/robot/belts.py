@@ -1,7 +1,5 @@
 """Two tracks for any robot of a MuJoCo model: `add_tracks`, the handle that drives them, and how they turn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from math import isfinite
@@ -166,7 +164,7 @@ class Tracks:
     config: TracksConfig  # their sizes
     prefix: str = ""  # put before the names of their geoms, joints and actuators
 
-    def renamed(self, prefix: str) -> Tracks:
+    def renamed(self, prefix: str) -> "Tracks":
         """Return the handle for a model into which the spec was attached with a prefix."""
         return replace(self, prefix=prefix + self.prefix)
 
@@ -189,7 +187,7 @@ class Tracks:
                 geom = _find_id(model.geom, f"{name}_{i}")
                 model.geom_surfacevel[geom] = _compute_belt_velocity(self.config, speed, is_end=i < 2)
 
-    def turning_rate(self, left: float, right: float, others: Sequence[Tracks] = ()) -> float:
+    def turning_rate(self, left: float, right: float, others: "Sequence[Tracks]" = ()) -> float:
         """Return how fast the robot turns to the left on level ground [rad/s].
 
         Two tracks alone have equal loads at the ends of the belts. With more tracks before or behind, loads are those

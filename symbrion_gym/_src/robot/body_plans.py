@@ -10,8 +10,6 @@ References:
     symbrion-morph (W. Liu), the program of the robots, OrganismSequence: the format, restated.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

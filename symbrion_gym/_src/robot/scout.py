@@ -3,8 +3,6 @@
 Frame of a module: origin in the center of the chassis, x forward (towards the hinged arm), y left, z up.
 """
 
-from __future__ import annotations
-
 from math import pi
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The numbers behind a Scout module, each with its source, and the parts of its observation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from math import pi
 

@@ -1,7 +1,5 @@
 """How a module touches the ground: wheels of its tracks, which are spheres with a surface velocity, and contacts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

@@ -4,11 +4,9 @@ They drive backwards: the last module feels the ground, dragging its tracks in t
 that it is on ice while the others still hold.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -18,13 +16,11 @@ from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from reconstruction._src.geometry.pose import make_quaternion
 from reconstruction._src.scans.slip_readings import SlipReadings
+from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.robot.organism import add_sensors, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.robot.tracks import find_road_wheels, set_physics
-
-if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.arena import Arena
 
 _MODULES = 3  # Length of the snake; two pull, so that one that drags does not stop them on level ground
 _SPEED = 0.12  # Of the tracks [m/s] (estimates of the Scout's: 0.06 to 0.15)

@@ -1,10 +1,8 @@
 """Range finders and cameras at a site of a running simulation, by casting rays on exact surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from copy import copy
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,14 +10,12 @@ from jaxtyping import Float, UInt8
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.range_checks import check_choice
+from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP
 from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, expose, round_to_pixels
 from symbrion_gym._src.sensing.survey_world import cast_rays
-
-if TYPE_CHECKING:
-    from symbrion_gym._src.arenas.arena import Arena
 
 
 class RangeFinder:
@@ -133,7 +129,7 @@ class Camera:
         self,
         model: mujoco.MjModel,
         site: str | int,
-        arena: Arena,
+        arena: "Arena",
         config: CameraConfig | None = None,
         *,
         axis: str = "x",

@@ -1,7 +1,5 @@
 """A virtual robot with two laser scanners drives around an arena and logs it (paper, section II-A)."""
 
-from __future__ import annotations
-
 import itertools
 import os
 from dataclasses import replace

@@ -4,8 +4,6 @@ Pictures are made without OpenGL: equal seeds give equal pictures on any machine
 highlights.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

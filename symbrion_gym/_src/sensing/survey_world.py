@@ -1,7 +1,5 @@
 """The room in which a survey takes place, and rays in it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from typing import Any

@@ -4,8 +4,6 @@ MuJoCo times its stages itself, in C, in every simulation that has an `MjData` o
 costs the simulation nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -4,23 +4,17 @@ All tolerances are estimates of ours: units were told apart by cones that center
 at hand. The protocol of the robots (symbrion-morph) locks once both units touch and are aligned.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.geometry.rows import dot_rows
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Docking, Organism
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.swarm.world import FRONT
-
-if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
-
-    from symbrion_gym._src.swarm.world import SwarmState
+from symbrion_gym._src.swarm.world import FRONT, SwarmState
 
 SCOUT = ScoutConfig()  # All robots of a swarm have its shape
 LARGEST_GAP = 0.010

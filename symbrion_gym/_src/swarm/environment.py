@@ -1,7 +1,5 @@
 """The environment of a swarm in the form of PettingZoo: every Scout is an agent."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from numbers import Integral
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of a swarm whose motion is known: free Scouts in the model of the arena, no physics."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from jaxtyping import Float, UInt8

@@ -1,21 +1,16 @@
 """Where a swarm starts before a gap, and who has got across it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
+from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.swarm.docks import SCOUT
+from symbrion_gym._src.swarm.world import SwarmState
 from symbrion_gym._src.tasks.route import Route, find_route
-
-if TYPE_CHECKING:
-    from jaxtyping import Bool, Float
-
-    from symbrion_gym._src.arenas.arena import Arena
-    from symbrion_gym._src.swarm.world import SwarmState
 
 SPACING = 0.25  # Distance of two robots at the start [m]: both can turn on the spot with room to spare
 _LEAST_SPACING = 0.17

@@ -1,21 +1,15 @@
 """A world of robots, and what these sense of the arena and of each other's bodies."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
+from jaxtyping import Float, Int
 
+from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.robot.scout import find_scout_rays
-from symbrion_gym._src.robot.scout_constants import SensorNoise
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, Int
-
-    from symbrion_gym._src.arenas.arena import Arena
-    from symbrion_gym._src.robot.scout_constants import ScoutConfig
-    from symbrion_gym._src.swarm.sight import Sight
-    from symbrion_gym._src.swarm.world import SwarmCommands, SwarmState
+from symbrion_gym._src.robot.scout_constants import ScoutConfig, SensorNoise
+from symbrion_gym._src.swarm.sight import Sight
+from symbrion_gym._src.swarm.world import SwarmCommands, SwarmState
 
 NUM_UNITS = 8
 """Infrared units of a Scout: two a side, the left one (seen from within) first; sides in the order of `SIDES`."""

@@ -1,20 +1,13 @@
 """Rays among robots in an arena: against its exact surface, and against the chassis of robots."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.geometry.rows import dot_all, dot_rows
+from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.contact.quality import RayMesh
-
-if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
-
-    from symbrion_gym._src.arenas.arena import Arena
-    from symbrion_gym._src.robot.scout_constants import ScoutConfig
-    from symbrion_gym._src.swarm.world import SwarmState
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.swarm.world import SwarmState
 
 _CELL = 0.05  # Edge of the cells of the highest surface [m]: half of a robot
 _MOST_CELLS = 4_000_000  # Cells are wider where there would be more of them

@@ -7,27 +7,20 @@ robots always looked along parallel lines, so that how the lobe divides into tha
 an estimate [E]. Readings are in counts of the robots' converters, ambient light taken off.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.geometry.rows import dot_all, dot_rows
+from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout import find_scout_rays
-from symbrion_gym._src.robot.scout_constants import SIDES
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.docks import compute_dock_frames
-from symbrion_gym._src.swarm.senses import NUM_UNITS
-
-if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
-
-    from symbrion_gym._src.robot.organism import Docking
-    from symbrion_gym._src.robot.scout_constants import ScoutConfig
-    from symbrion_gym._src.swarm.senses import SwarmWorld
-    from symbrion_gym._src.swarm.sight import Sight
-    from symbrion_gym._src.swarm.world import SwarmState
+from symbrion_gym._src.swarm.senses import NUM_UNITS, SwarmWorld
+from symbrion_gym._src.swarm.sight import Sight
+from symbrion_gym._src.swarm.world import SwarmState
 
 NO_MESSAGE = -1  # Nothing sent or received
 GAIN = 5.9  # Reading of a unit at 1 m that looks at a beacon that looks at it [counts] [F]
@@ -68,7 +61,7 @@ class Light(NamedTuple):
     side: Int[np.ndarray, " L"]  # its side
     readings: Float[np.ndarray, "L 2"]  # of both units, not limited [counts]
 
-    def of(self, chosen: Bool[np.ndarray, "N 4"]) -> Light:
+    def of(self, chosen: Bool[np.ndarray, "N 4"]) -> "Light":
         """Return the light of some docks."""
         kept = chosen[self.sender, self.dock]
         return Light(*(values[kept] for values in self))
@@ -195,18 +188,18 @@ def _find_pairs(
 def compute_lobe(cosine: Float[np.ndarray, "*S"] | float) -> Float[np.ndarray, "*S"]:
     """Return which share of its light along the axis a beacon sends at an angle off it; none behind it."""
     cosine = np.asarray(cosine)
-    return ((1.0 - SIDE_SHARE) * cosine**LOBE + SIDE_SHARE) * (cosine > 0.0)
+    return np.asarray(((1.0 - SIDE_SHARE) * cosine**LOBE + SIDE_SHARE) * (cosine > 0.0))
 
 
 def compute_readings(
-    place: Float[np.ndarray, "*S 3"],
-    axis: Float[np.ndarray, "*S 3"],
-    unit_place: Float[np.ndarray, "*S 3"],
-    unit_axis: Float[np.ndarray, "*S 3"],
+    place: Float[np.ndarray, "*#S 3"],
+    axis: Float[np.ndarray, "*#S 3"],
+    unit_place: Float[np.ndarray, "*#S 3"],
+    unit_axis: Float[np.ndarray, "*#S 3"],
 ) -> Float[np.ndarray, " *S"]:
     """Return what units read of senders in plain sight, without limit, ambient light and noise [counts]."""
     way = unit_place - place
     distance = np.maximum(np.sqrt(dot_rows(way, way)), LEAST_DISTANCE)
     sent = np.maximum(dot_rows(way, axis) / distance, 0.0)
     seen = np.maximum(-dot_rows(way, unit_axis) / distance, 0.0)
-    return GAIN * compute_lobe(sent) * seen**RECEPTION * distance**-FALLOFF
+    return np.asarray(GAIN * compute_lobe(sent) * seen**RECEPTION * distance**-FALLOFF)

@@ -1,18 +1,13 @@
 """Commands and state of a swarm, the same at every level of physics."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES
-
-if TYPE_CHECKING:
-    from jaxtyping import Bool, Float
-
-    from symbrion_gym._src.robot.organism import Docking
 
 DECISION = 0.1  # Time between two decisions of a robot [s]: the rate at which the hardware logs its states
 FRONT, BACK, LEFT, RIGHT = range(len(SIDES))
@@ -26,7 +21,7 @@ class SwarmCommands(NamedTuple):
     latch: Bool[np.ndarray, "N 4"]  # whether each dock is told to latch; one that is told not to releases
 
     @classmethod
-    def make_idle(cls, num_robots: int) -> SwarmCommands:
+    def make_idle(cls, num_robots: int) -> "SwarmCommands":
         """Return the commands of robots that stand still and hold no latch."""
         return cls(np.zeros((num_robots, 2)), np.zeros(num_robots), np.zeros((num_robots, 4), bool))
 

@@ -5,8 +5,6 @@ it works out by itself, and it looks for the traces of a cheat: modules through 
 jumps, bodies faster than their tracks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple

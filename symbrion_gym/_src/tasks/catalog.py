@@ -1,7 +1,5 @@
 """The tasks that come with the package, by name."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields

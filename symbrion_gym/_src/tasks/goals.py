@@ -1,7 +1,5 @@
 """Goals along a straight way: to get all modules past its finish, strictly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Ways over drivable ground: paths with corners for bodies that turn, and straight ways that leave it for good."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

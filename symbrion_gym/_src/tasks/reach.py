@@ -1,7 +1,5 @@
 """Goals at places on drivable ground: to reach several in turn, and to stand before a known object."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where an organism starts in an arena, which way it goes, and what arriving means."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -98,7 +96,7 @@ class SuccessCriteria:
     )
 
     @classmethod
-    def of(cls, scout: ScoutConfig) -> SuccessCriteria:
+    def of(cls, scout: ScoutConfig) -> "SuccessCriteria":
         """Return the limits for modules of another size: lengths grow with the height of a module."""
         scale = scout.size[2] / ScoutConfig.size[2]
         low, high = cls.ground_band

@@ -1,7 +1,5 @@
 """The state of a task in N simulations: what terms read, computed at most once a tick, as arrays over all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias

@@ -4,8 +4,6 @@ What a file names is never called as it stands: it must be a dataclass or a plai
 `KNOWN_ROOMS`, or of a module that the caller allows. Other modules are not even imported.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 from collections.abc import Collection

@@ -1,7 +1,5 @@
 """What a task is: where a body starts, what arriving means, what ends an episode and what is rewarded."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -59,7 +57,7 @@ class Task:
         if not 0.0 < self.duration < np.inf:
             raise TaskError(f"task {self.name!r}: duration must be above 0 s, got {self.duration!r}")
 
-    def replace(self, **changes: Any) -> Task:
+    def replace(self, **changes: Any) -> "Task":
         """Return the task with other fields."""
         return replace(self, **changes)
 

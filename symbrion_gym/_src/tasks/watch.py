@@ -1,7 +1,5 @@
 """Watches what ends the episodes of N simulations, and calls only the terms for which something may have happened."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

@@ -14,8 +14,6 @@ References:
     over tasks, which are the levels here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import chain, islice, pairwise, product, repeat
@@ -69,7 +67,7 @@ class LevelResult(NamedTuple):
     seconds: float  # simulated in this level [s]
 
 
-def make_algorithm(config: BodyEvolutionConfig) -> SurrogateSearch | ListSearch:
+def make_algorithm(config: BodyEvolutionConfig) -> "SurrogateSearch | ListSearch":
     """Return the algorithm of a run, with a random generator of its own."""
     rng = np.random.default_rng((config.seed, *config.bodies.algorithm.encode()))
     if config.bodies.algorithm == "surrogate":
@@ -163,7 +161,7 @@ class SurrogateSearch:
         return parents[int(self._rng.integers(len(parents), size=_TOURNAMENT_SIZE).min())].body
 
 
-def _choose(prediction: Prediction, bodies: Sequence[BodyGenome], count: int) -> list[BodyGenome]:
+def _choose(prediction: "Prediction", bodies: Sequence[BodyGenome], count: int) -> list[BodyGenome]:
     """Return the bodies of the highest upper confidence bounds."""
     if not bodies or not count:
         return []

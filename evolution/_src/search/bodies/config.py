@@ -1,7 +1,5 @@
 """The configuration of a search for bodies."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar

@@ -9,8 +9,6 @@ References:
     successive halving, whose levels these are.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from math import inf

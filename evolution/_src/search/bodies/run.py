@@ -1,7 +1,5 @@
 """The state of a search for bodies, its champion, and what these mean in words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -10,8 +10,6 @@ commanded speed less the speed by localization, decides which drags count. So a 
 its tracks before one that it cannot climb, feels the ground as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple

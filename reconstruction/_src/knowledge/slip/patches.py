@@ -1,7 +1,5 @@
 """Patches of ground with one friction each, from friction by place."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

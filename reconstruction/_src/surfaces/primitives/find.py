@@ -1,7 +1,5 @@
 """From shapes to primitives: boxes of planes, closed spheres and cylinders, rectangles of the other planes."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import NamedTuple
 
@@ -80,7 +78,7 @@ class _Side(NamedTuple):
     def middle(self) -> Float[np.ndarray, " 3"]:
         return self.corners.mean(axis=(0, 1))
 
-    def is_convex_with(self, other: _Side) -> bool:
+    def is_convex_with(self, other: "_Side") -> bool:
         """Return whether each of two sides lies behind the other."""
         way = other.middle - self.middle
         return bool(way @ self.normal < 0 < way @ other.normal)

@@ -1,7 +1,5 @@
 """A primitive: a bounded shape in place of triangles, and the cut that takes its triangles out of a mesh."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -8,8 +8,6 @@ References:
     areas and connectivity.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

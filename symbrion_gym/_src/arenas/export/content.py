@@ -1,7 +1,5 @@
 """What an export consists of, before any format: solids, surface, heights, and what is known about them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

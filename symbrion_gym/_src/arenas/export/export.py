@@ -1,7 +1,5 @@
 """Exporting an arena: one folder that the simulators of others load without this package."""
 
-from __future__ import annotations
-
 import re
 from importlib.metadata import version
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The formats of an export, each a function that returns its files: MJCF, URDF, USD and OBJ."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Physics on an accelerator in MuJoCo Warp, and the vector environment whose other parts stay on the host."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from copy import copy

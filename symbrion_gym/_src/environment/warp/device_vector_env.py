@@ -1,7 +1,5 @@
 """The environment many at once, wholly on a device: actions in and observations out as arrays of JAX or torch."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

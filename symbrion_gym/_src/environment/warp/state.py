@@ -1,7 +1,5 @@
 """What lasts from tick to tick of an episode, and what the terms of a task see on a device, as arrays of JAX."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import copy
 from typing import Any, NamedTuple
@@ -115,7 +113,7 @@ class DeviceState:
         limits = self.route.finish, self.route.half_width, self.route.lowest
         self.finish, self.half_width, self.deepest = (np.full(num, each, dtype=np.float32) for each in limits)
 
-    def look(self, episode: Episode, physics: Any) -> DeviceState:
+    def look(self, episode: Episode, physics: Any) -> "DeviceState":
         """Return the state of episodes after a tick of the physics, with the action of this tick."""
         state = copy(self)
         state._measure(episode, physics)

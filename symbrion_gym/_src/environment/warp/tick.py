@@ -1,7 +1,5 @@
 """A tick of N episodes on a device: commands before the physics; observations, terms and automatic resets after it."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import jax

@@ -10,8 +10,6 @@ References:
     communications, ANTS; symbrion-morph, names of the states. The signals' content is ours.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.world import FRONT
-
-if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
 
 NOBODY = -1  # In place of the number of a robot, or of a place in the plan
 MOST_ROLES = 60  # Places of a plan: robots keep a bit for each

@@ -7,8 +7,6 @@ known. The errors are fitted to how long their docking took instead. Unlike in `
 only other robots shade, not the arena, and any two robots that ask at once disturb each other.
 """
 
-from __future__ import annotations
-
 from math import pi
 from typing import NamedTuple
 

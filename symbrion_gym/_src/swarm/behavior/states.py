@@ -4,8 +4,6 @@ Every function is for all robots at once, as if all were in that state; angles t
 estimates but `LOCATE_SPEED`, which was fitted to docking trials of real robots.
 """
 
-from __future__ import annotations
-
 from math import pi, radians
 from typing import Any, NamedTuple
 
@@ -84,7 +82,7 @@ class Situation(NamedTuple):
     plan: Plan  # of the organism
     numbers: Int[np.ndarray, " N"]  # of the robots
 
-    def remember(self, **values: object) -> Situation:
+    def remember(self, **values: object) -> "Situation":
         """Return the situation with another memory."""
         return self._replace(memory=self.memory._replace(**values))
 

@@ -1,7 +1,5 @@
 """The compiled model of an arena with robots in a layout, and where each robot is in it."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import lru_cache

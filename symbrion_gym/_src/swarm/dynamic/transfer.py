@@ -4,8 +4,6 @@ Poses are kept. Where welded robots become one tree, what little the weld had gi
 velocities become those of the tree that keep momentum: M v = Jᵀ p, the plastic impact, which never adds kinetic energy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple

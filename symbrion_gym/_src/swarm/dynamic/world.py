@@ -1,7 +1,5 @@
 """A swarm in full contact: `DynamicWorld`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 

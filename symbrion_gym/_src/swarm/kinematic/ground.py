@@ -1,20 +1,15 @@
 """How robots stand on the ground of an arena: planes below their tracks, steps, slopes and walls."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
+from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.swarm.docks import SCOUT
 from symbrion_gym._src.swarm.kinematic.motion import make_rotations
 from symbrion_gym._src.swarm.kinematic.skidding import TRACK_POINTS
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, Int
-
-    from symbrion_gym._src.arenas.arena import Arena
-    from symbrion_gym._src.swarm.sight import Sight
+from symbrion_gym._src.swarm.sight import Sight
 
 _NUM_RIM = 16  # Places on the rim of a chassis whose height is read: 2 cm apart
 _NUM_SPOKES = 8  # Rays in the plane of the tracks from the center of a chassis to its rim

@@ -1,11 +1,9 @@
 """Robots with simple motion: fast, exact in what they sense, without forces."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from jaxtyping import Float, Int
 
+from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.swarm.docks import (
@@ -39,11 +37,6 @@ from symbrion_gym._src.swarm.kinematic.skidding import compute_twists
 from symbrion_gym._src.swarm.sight import Sight
 from symbrion_gym._src.swarm.world import DECISION, FRONT, SwarmCommands, SwarmState
 from symbrion_gym._src.traversability.footprint import STEP_LIMITS
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, Int
-
-    from symbrion_gym._src.arenas.arena import Arena
 
 STEEPEST = np.deg2rad(20.0)
 """Steepest ground under the tracks [rad]. One Scout climbs 20 degrees in MuJoCo and tips over at 25 (`SLOPE_LIMIT`)."""

@@ -1,16 +1,12 @@
 """Poses that robots could take next, and which of them they get to."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS
 from symbrion_gym._src.swarm.docks import SCOUT
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, Int
 
 FULL, TURN, STAY = 0, 1, 2  # What a robot does of a wanted motion: all, only its turn on the spot, nothing
 GRIP = 1e-6  # Overlap of two robots that is none [m]: rounding

@@ -1,19 +1,14 @@
 """How Scouts skid as they turn, on level ground and on slopes: the balance of Coulomb friction and gravity."""
 
-from __future__ import annotations
-
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float, Int
 from scipy.interpolate import RegularGridInterpolator
 
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS
 from symbrion_gym._src.robot.tracks import find_road_wheels
 from symbrion_gym._src.swarm.docks import SCOUT
-
-if TYPE_CHECKING:
-    from jaxtyping import Float, Int
 
 _ROUNDING = 1e-9  # Heights that differ by less are the same [m]
 _LEAST_SLIP = 0.01

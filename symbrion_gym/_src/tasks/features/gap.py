@@ -1,7 +1,5 @@
 """Gaps and ramps on a way: where the ground drops and rises again like walls, and where it rises or falls evenly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple

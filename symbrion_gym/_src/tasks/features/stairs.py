@@ -1,7 +1,5 @@
 """Steps and stairs on a way: ground that rises like a wall and goes on higher."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The straight way across a surface, its ground, and edges across it, found on the surface alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
