@@ -60,6 +60,7 @@ def test_wheel_holds_packages_and_assets_alone(wheel: Path) -> None:
         assert f"{package}/py.typed" in names
     assert "evolution/_src/report/page.html.j2" in names
     assert "evolution/_src/experiments/paper.html.j2" in names
+    assert "symbrion_gym/_src/arenas/export/templates/load_mjlab.py.txt" in names
 
 
 def _normalize(requirement: str) -> str:

@@ -32,6 +32,8 @@ _PATTERN = (
     rf"|README\.md|NOTICE\.txt|load_(?:mjlab|playground|isaaclab)\.py|{re.escape(MANIFEST)}"
 )
 _OWNER = FileOwner("export", MANIFEST, FORMAT, re.compile(_PATTERN))
+_LOADERS = {"mjcf": ("load_mjlab.py", "load_playground.py"), "usd": ("load_isaaclab.py",)}
+"""Format -> its loaders for other simulators."""
 _HEIGHT_SPACING = 0.02
 """Spacing of the grid of heights [m]: about that of a scan indoors; half of it takes four times the memory."""
 _MOST_HEIGHTS = 400_000  # Cells of that grid; it is wider where it would have more
@@ -51,13 +53,15 @@ def export_arena(
     folder = Path(folder)
     own = find_own_files(folder)  # refused before any work
     content = make_content(geometry, max_vertices)
-    files = FORMATS[to](content) | {name: text.encode() for name, text in LOADERS[to].items()}
+    files = FORMATS[to](content) | {
+        name: read_template(f"{name}.txt").encode() for name in _LOADERS.get(to, ())
+    }
     files["heights.npz"] = format_arrays(_sample_heights(geometry.surface))
     if geometry.objects:
         files["objects.json"] = format_json(describe_objects(geometry.objects))
     generator, friction_map = f"symbrion-gym {version('symbrion-gym')}", geometry.friction_map
     files["README.md"] = _make_readme(content, to, about["offset"]).encode()
-    files["NOTICE.txt"] = _NOTICE.format(generator=generator).encode()
+    files["NOTICE.txt"] = read_template("NOTICE.txt").format(generator=generator).encode()
     description = {
         "to": to,
         "name": geometry.name,
@@ -92,121 +96,21 @@ def _sample_heights(surface: trimesh.Trimesh) -> dict[str, Float[np.ndarray, " .
     return {"heights": Elevation(surface).height(x, y).astype(np.float32), "low": low, "high": high}
 
 
-_NOTICE = """This folder was generated from a scan by {generator}.
-
-The geometry is derived from that scan. The terms of the owner of the scan hold for the scan and for this geometry:
-check them before you pass the folder on, and name the owner where they ask for it. Symbrion Gym claims no rights in
-its output, and the loaders (load_*.py) may be used without any condition.
-"""
-
-
-_README = """# Arena {name}
-
-An arena from a scan, {extent} m, written by Symbrion Gym for {to}.
-
-{use}
-
-The contact geometry is {contact}.
-
-- Units are meters, z points up.
-- Coordinates of the scan = coordinates here + ({offset}) m.
-- Sliding friction of the ground: {friction:g}. Patches with another one are listed as `friction_map` in `export.json`;
-  in MJCF and USD the pieces there have it.
-- `heights.npz`: heights of the surface as seen from above (under a ceiling, the ceiling), rows along y, columns along x
-  from `low` to `high`; NaN where there is no surface.
-- `export.json`: all of this for programs. `NOTICE.txt`: whose the geometry is.
-
-Exporting again replaces the files that `export.json` lists and leaves all others.
-"""
+def read_template(name: str) -> str:
+    """Return a text that an export comes with, from the folder `templates`."""
+    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
 
 
 def _make_readme(content: Content, to: str, offset: list[float]) -> str:
     """Return `README.md`: the files of a format, frame, units and friction."""
     deviation = f"within {1e3 * content.deviation:.2f} mm of {len(content.geometry.pieces)} pieces"
     solids = f"{len(content.solids)} convex solids, {deviation}"
-    return _README.format(
+    return read_template("README.md").format(
         name=content.geometry.name,
         extent=" x ".join(f"{side:.2f}" for side in content.geometry.surface.extents),
         to=to.upper(),
-        use=USES[to],
+        use=read_template(f"use_{to}.md").rstrip(),
         contact=solids if content.geometry.height_field is None else "a height field",
         offset=", ".join(f"{value:.3f}" for value in offset),
         friction=content.geometry.friction,
     )
-
-
-_MJLAB = '''"""Load this arena as the ground of a scene in mjlab: SceneCfg of `make_scene(entities={"robot": ...})`."""
-
-from pathlib import Path
-
-import mujoco
-from mjlab.scene import SceneCfg
-
-FILE = Path(__file__).with_name("arena.xml")
-
-
-def add_arena(spec: mujoco.MjSpec) -> None:
-    arena = mujoco.MjSpec.from_file(str(FILE))
-    ground = spec.worldbody.add_frame().attach_body(arena.body("arena"), "arena/", "")
-    ground.name = "terrain"  # by which mjlab's contact sensors know the ground
-
-
-def make_scene(**options) -> SceneCfg:
-    # One arena, shared by all environments: their origins coincide.
-    return SceneCfg(terrain=None, env_spacing=0.0, spec_fn=add_arena, **options)
-'''
-
-_PLAYGROUND = '''"""Load this arena with a robot for an `MjxEnv` of MuJoCo Playground: `load_model(xml)`."""
-
-from pathlib import Path
-
-import mujoco
-
-FILE = Path(__file__).with_name("contact.xml")  # MJX has no use for the surface
-
-
-def load_model(xml: str, assets: dict[str, bytes] | None = None) -> mujoco.MjModel:
-    spec = mujoco.MjSpec.from_string(xml, assets=assets)
-    arena = mujoco.MjSpec.from_file(str(FILE))
-    spec.worldbody.add_frame().attach_body(arena.body("arena"), "arena/", "")
-    return spec.compile()  # then mjx.put_model(model), impl="warp" where there are many pieces
-'''
-
-_ISAACLAB = '''"""Load this arena as the terrain of an InteractiveSceneCfg of Isaac Lab: `terrain = make_terrain()`."""
-
-from pathlib import Path
-
-from isaaclab.terrains import TerrainImporterCfg
-
-FILE = Path(__file__).with_name("arena.usda")
-
-
-def make_terrain(prim_path: str = "/World/ground") -> TerrainImporterCfg:
-    # One arena, shared by all environments: give the InteractiveSceneCfg env_spacing=0.0, too.
-    return TerrainImporterCfg(prim_path=prim_path, terrain_type="usd", usd_path=str(FILE), env_spacing=0.0)
-'''
-
-LOADERS = {
-    "mjcf": {"load_mjlab.py": _MJLAB, "load_playground.py": _PLAYGROUND},
-    "urdf": {},
-    "usd": {"load_isaaclab.py": _ISAACLAB},
-    "obj": {},
-}
-"""Format -> name -> text of its loaders."""
-
-USES = {
-    "mjcf": """MuJoCo: `mujoco.MjModel.from_xml_path("arena.xml")`, or in a model of yours
-`<include file="arena.xml"/>`, or `frame.attach_body(mujoco.MjSpec.from_file("arena.xml").body("arena"), "arena/", "")`.
-`contact.xml` is the same without the surface. Contact pieces are in geom group 3, the surface in group 2: it is drawn
-and hit by rays, and touches nothing. `load_mjlab.py` and `load_playground.py` are for mjlab and MuJoCo Playground.""",
-    "urdf": """One link with a collision element for each piece and the surface as its visual; paths are relative to
-`arena.urdf`. The link has no inertia: fix it to the world (PyBullet: `loadURDF("arena.urdf", useFixedBase=True)`).
-MuJoCo loads it, too: `mujoco.MjModel.from_xml_path("arena.urdf")`. URDF has no friction; there are elements for
-PyBullet and Gazebo.""",
-    "usd": """`arena.usda` has the physics schema: `/arena/contact` are static colliders (cubes, convex hulls) with the
-purpose "guide", which renderers hide, `/arena/surface` is drawn, `/arena/ground` is the physics material.
-`load_isaaclab.py` is for Isaac Lab.""",
-    "obj": """`contact.obj` has one object (`o`) for each convex piece, `surface.obj` is the exact surface. In Python:
-`trimesh.load("contact.obj", split_objects=True)`.""",
-}
-"""Format -> how it is used, for the README."""

@@ -11,7 +11,7 @@ import mujoco
 import pytest
 from exported import make_mixed_arena
 
-from symbrion_gym._src.arenas.export.export import LOADERS
+from symbrion_gym._src.arenas.export.export import read_template
 
 BALL = """<mujoco><worldbody><body name="ball" pos="4.3 1.5 1"><freejoint/><geom size="0.05"/></body>
 </worldbody></mujoco>"""
@@ -66,7 +66,7 @@ def test_the_loader_for_isaac_lab_names_the_file(tmp_path: Path, monkeypatch: py
         pytest.skip("Isaac Lab starts a simulator on import; this test needs none")
     fields = {"prim_path": None, "terrain_type": "generator", "usd_path": None, "env_spacing": None}
     put_stand_in(monkeypatch, "isaaclab.terrains", "TerrainImporterCfg", **fields)
-    (tmp_path / "load_isaaclab.py").write_text(LOADERS["usd"]["load_isaaclab.py"])
+    (tmp_path / "load_isaaclab.py").write_text(read_template("load_isaaclab.py.txt"))
     terrain = run_loader(tmp_path / "load_isaaclab.py").make_terrain()
     assert terrain.terrain_type == "usd"
     assert terrain.usd_path == str(tmp_path / "arena.usda")
