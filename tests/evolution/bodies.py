@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from evolution._src.controllers.controller import make_law
-from evolution._src.controllers.laws import REACTIVE_GENES
+from evolution._src.controllers.controller import REACTIVE_GENES, make_law
 from symbrion_gym._src.robot.body_plans import make_random_organism
 from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
 

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy.spatial import cKDTree
 
 import symbrion_gym as sg
-from evolution._src.report.error_map import add_friction, make_friction_legend
+from evolution._src.report.error_map import add_friction, find_touchable, make_friction_legend
 from evolution._src.report.figures import DPI
 from evolution._src.report.raster import (
     OVERSAMPLING,
@@ -30,7 +30,6 @@ from evolution._src.report.raster import (
     reduce_samples,
     shade_pixels,
 )
-from evolution._src.report.touchable import find_touchable
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.arenas.spec import make_piece_colors
 from symbrion_gym._src.arenas.viewing import place_modules

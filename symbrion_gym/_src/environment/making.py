@@ -8,8 +8,7 @@ from gymnasium.vector import AutoresetMode
 
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import check_choice
-from symbrion_gym._src.environment.many_arenas import ManyArenasVectorEnv
-from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.environment.organism_vector_env import ManyArenasVectorEnv, OrganismVectorEnv
 from symbrion_gym._src.errors import OptionError
 
 if TYPE_CHECKING:

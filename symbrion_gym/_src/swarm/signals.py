@@ -18,8 +18,7 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym._src.swarm.docks import compute_dock_frames
-from symbrion_gym._src.swarm.senses import NUM_UNITS, SwarmWorld
-from symbrion_gym._src.swarm.sight import Sight
+from symbrion_gym._src.swarm.senses import NUM_UNITS, Sight, SwarmWorld
 from symbrion_gym._src.swarm.world import SwarmState
 
 NO_MESSAGE = -1  # Nothing sent or received

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from bodies import make_observations, make_structure
 
-from evolution._src.controllers.controller import CONTACT_TIMEOUT, KNOTS, MAX_AIRBORNE_TICKS, make_law
-from evolution._src.controllers.laws import _interpolate
+from evolution._src.controllers.controller import (
+    CONTACT_TIMEOUT,
+    KNOTS,
+    MAX_AIRBORNE_TICKS,
+    _interpolate,
+    make_law,
+)
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 

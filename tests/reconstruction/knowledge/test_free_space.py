@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from reconstruction._src.geometry.manifold import spread, widen
-from reconstruction._src.knowledge.changes import number_parts
-from reconstruction._src.knowledge.free_space import find_crossed_vertices
+from reconstruction._src.knowledge.changes import find_crossed_vertices, number_parts
 
 MARGIN = 0.01
 ABOVE = np.array([0.5, 0.5, 2.0])

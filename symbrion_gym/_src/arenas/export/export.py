@@ -10,8 +10,7 @@ import trimesh
 from jaxtyping import Float
 
 from reconstruction._src.geometry.elevation import Elevation
-from symbrion_gym._src.arenas.export.content import Content, make_content
-from symbrion_gym._src.arenas.export.formats import FORMATS
+from symbrion_gym._src.arenas.export.formats import FORMATS, Content, make_content
 from symbrion_gym._src.arenas.owned_files import (
     FileOwner,
     format_arrays,

@@ -27,7 +27,7 @@ from symbrion_gym._src.swarm.dynamic.transfer import (
     write_weld,
 )
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym._src.swarm.sight import Sight
+from symbrion_gym._src.swarm.senses import Sight
 from symbrion_gym._src.swarm.world import DECISION, FRONT, SwarmCommands, SwarmState, find_docked
 
 TICK = 0.02  # Time between two changes of the servos' targets, as of organisms [s]

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from exported import make_field_arena, make_mixed_arena
 
-from symbrion_gym._src.arenas.export.content import make_content
+from symbrion_gym._src.arenas.export.formats import make_content
 from symbrion_gym._src.errors import ArenaError
 
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from reconstruction._src.geometry.rows import make_hull
-from symbrion_gym._src.arenas.export.content import FEWEST_VERTICES, limit_vertices
+from symbrion_gym._src.arenas.export.formats import FEWEST_VERTICES, limit_vertices
 
 
 def make_cylinder(sides: int, radius: float, height: float) -> trimesh.Trimesh:
