@@ -19,7 +19,32 @@ from beartype import beartype
 PACKAGES = ("reconstruction", "symbrion_gym", "evolution")
 ALL_OF, ONE_OF = 200, 50  # The first calls of a function are all checked, of later ones each fiftieth
 ARRAYS = {"Bool", "Float", "Float32", "Float64", "Int", "Integer", "Num", "Shaped", "UInt", "UInt8"}
-ALIASES = {"Corners", "Faces", "Points", "Vertices"}  # of such arrays
+ALIASES = {
+    "Angles",
+    "Chosen",
+    "Corners",
+    "Depths",
+    "Direction",
+    "Faces",
+    "Keys",
+    "Marks",
+    "Mask",
+    "Normals",
+    "Numbers",
+}
+ALIASES |= {
+    "Pairs",
+    "Picture",
+    "Points",
+    "Pose",
+    "Ranges",
+    "Readings",
+    "Triangles",
+    "Units",
+    "Vectors",
+    "Vertices",
+}
+"""Names of such arrays."""
 
 
 def check_shapes(function: Any) -> Any:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.traversability.drivable import TraversabilityMap
     from symbrion_gym._src.traversability.routes import DrivingRoute
+from evolution._src.report.raster import Picture
 
 ROBOT_COLOR = (0.98, 0.78, 0.16)
 WAY_LOOK: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 1.4}
@@ -47,9 +48,7 @@ BEHIND = 0.05
 """Contact, route and robot this far behind the surface are still drawn [m]: within what a robot feels."""
 
 
-def add_robot(
-    picture: Float[np.ndarray, "H W 3"], surface: Pixels, view: View, boxes: list[trimesh.Trimesh]
-) -> Float[np.ndarray, "H W 3"]:
+def add_robot(picture: Picture, surface: Pixels, view: View, boxes: list[trimesh.Trimesh]) -> Picture:
     """Return the picture with the modules of a robot, but for what the surface hides of them."""
     triangles = np.concatenate([np.asarray(box.triangles) for box in boxes])
     pixels = rasterize(triangles, view)
@@ -177,9 +176,7 @@ def _make_figure(views: Sequence[View]) -> tuple[Figure, list[Axes]]:
     return figure, places
 
 
-def _draw_surface(
-    arena: sg.Arena, layers: Sequence[str], pixels: Pixels, view: View
-) -> Float[np.ndarray, "H W 3"]:
+def _draw_surface(arena: sg.Arena, layers: Sequence[str], pixels: Pixels, view: View) -> Picture:
     """Return the picture of the surface with its friction; white where it is not wanted."""
     if "surface" not in layers:
         return np.ones((*pixels.face.shape, 3))
@@ -190,9 +187,7 @@ def _draw_surface(
     return add_friction(picture, pixels, view, arena)
 
 
-def _color_pixels(
-    arena: sg.Arena, pixels: Pixels, view: View
-) -> Float[np.ndarray, "H W 3"] | Float[np.ndarray, " 3"]:
+def _color_pixels(arena: sg.Arena, pixels: Pixels, view: View) -> Picture | Float[np.ndarray, " 3"]:
     """Return the color of the surface in each pixel; one for all where the arena has none."""
     if arena.texture is None:
         return SURFACE_COLOR
@@ -213,13 +208,13 @@ def mute(colors: Float[np.ndarray, "*N 3"]) -> Float[np.ndarray, "*N 3"]:
 
 
 def _add_contact(
-    picture: Float[np.ndarray, "H W 3"],
+    picture: Picture,
     surface: Pixels,
     contact: Pixels,
     triangles: Float[np.ndarray, "F 3 3"],
     labels: Int[np.ndarray, " F"],
     is_plain: bool,
-) -> Float[np.ndarray, "H W 3"]:
+) -> Picture:
     """Return the picture with translucent pieces that the surface does not hide; `is_plain`: all of one color."""
     if not len(triangles):
         return picture
@@ -232,11 +227,8 @@ def _add_contact(
 
 
 def _add_ground(
-    picture: Float[np.ndarray, "H W 3"],
-    heights: Float[np.ndarray, "H W"],
-    view: View,
-    ground: TraversabilityMap,
-) -> Float[np.ndarray, "H W 3"]:
+    picture: Picture, heights: Float[np.ndarray, "H W"], view: View, ground: TraversabilityMap
+) -> Picture:
     """Return the picture with ground colored by whether the body can drive there, on surface or contact."""
     rows, columns = np.nonzero(np.isfinite(heights))
     if not len(rows) or not len(ground.cell):

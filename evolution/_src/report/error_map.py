@@ -15,7 +15,9 @@ import symbrion_gym as sg
 from evolution._src.report.figures import DPI
 from evolution._src.report.raster import (
     OVERSAMPLING,
+    Picture,
     Pixels,
+    Triangles,
     View,
     blend,
     draw_outlines,
@@ -70,7 +72,7 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
 
 
 def _measure(
-    triangles: Float[np.ndarray, "F 3 3"],
+    triangles: Triangles,
     view: View,
     measure: Callable[[Float[np.ndarray, "N 3"], Float[np.ndarray, "N 3"]], Float[np.ndarray, " N"]],
 ) -> tuple[Pixels, Float[np.ndarray, "H W"]]:
@@ -144,9 +146,7 @@ _FULL = 0.5  # Difference of the friction that is drawn in the full color
 _OPACITY = (0.25, 0.8)  # Of the smallest and of the largest difference
 
 
-def add_friction(
-    picture: Float[np.ndarray, "H W 3"], surface: Pixels, view: View, arena: sg.Arena
-) -> Float[np.ndarray, "H W 3"]:
+def add_friction(picture: Picture, surface: Pixels, view: View, arena: sg.Arena) -> Picture:
     """Return the picture with friction patches tinted."""
     found = arena.friction_map
     if found is None or not found.patches:
@@ -186,7 +186,7 @@ _IN_FRONT = 0.001
 _HIDDEN = 1e-4  # Contact deeper inside another piece is left out [m]
 
 
-def find_touchable(arena: sg.Arena) -> tuple[Float[np.ndarray, "F 3 3"], Int[np.ndarray, " F"]]:
+def find_touchable(arena: sg.Arena) -> tuple[Triangles, Int[np.ndarray, " F"]]:
     """Return the triangles of contact that a robot may meet, in small parts, and the piece of each."""
     meshes = [arena.height_field.as_mesh()] if arena.height_field is not None else arena.pieces
     vertices, faces = join_meshes(meshes)

@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.traversability.routes import DrivingRoute
 
+Picture = Float[np.ndarray, "H W 3"]  # Red, green and blue, 0 to 1
+Triangles = Float[np.ndarray, "F 3 3"]  # Corners [m]
+Mask = Bool[np.ndarray, "H W"]  # Of each pixel, whether something holds
+
 
 LIGHT = np.array([0.35, -0.5, 0.79])
 """Direction to the light: from above, beside the camera, so that ramps and walls differ in brightness."""
@@ -73,7 +77,7 @@ def make_view(points: Float[np.ndarray, "N 3"], elevation: float, azimuth: float
     return View(axes, (low + high) / 2 @ axes, float(scale), width, max(height, 2))
 
 
-def rasterize(triangles: Float[np.ndarray, "F 3 3"], view: View, is_culled: bool = True) -> Pixels:
+def rasterize(triangles: Triangles, view: View, is_culled: bool = True) -> Pixels:
     """Return the nearest triangle in every pixel."""
     face = np.full(view.height * view.width, -1, dtype=np.int64)
     height = np.full(view.height * view.width, -np.inf)
@@ -96,7 +100,7 @@ def rasterize(triangles: Float[np.ndarray, "F 3 3"], view: View, is_culled: bool
     return Pixels(face.reshape(shape), height.reshape(shape))
 
 
-def find_outlines(labels: Int[np.ndarray, "H W"]) -> Bool[np.ndarray, "H W"]:
+def find_outlines(labels: Int[np.ndarray, "H W"]) -> Mask:
     """Return the pixels whose right or lower neighbor has another label."""
     is_edge = np.zeros(labels.shape, dtype=bool)
     is_edge[:, :-1] |= labels[:, :-1] != labels[:, 1:]
@@ -148,11 +152,7 @@ _AMBIENT = 0.68  # Brightness of what faces away from the light; the rest depend
 _OUTLINE = 0.55  # Brightness of outlines
 
 
-def shade_pixels(
-    pixels: Pixels,
-    triangles: Float[np.ndarray, "F 3 3"],
-    colors: Float[np.ndarray, "H W 3"] | Float[np.ndarray, " 3"],
-) -> Float[np.ndarray, "H W 3"]:
+def shade_pixels(pixels: Pixels, triangles: Triangles, colors: Picture | Float[np.ndarray, " 3"]) -> Picture:
     """Return the picture of triangles in the light, on white."""
     if not len(triangles):
         return np.ones((*pixels.face.shape, 3))
@@ -163,9 +163,7 @@ def shade_pixels(
     return np.where((pixels.face >= 0)[..., None], brightness[..., None] * colors, 1.0)
 
 
-def draw_outlines(
-    picture: Float[np.ndarray, "H W 3"], labels: np.ndarray, is_shown: Bool[np.ndarray, "H W"] | None = None
-) -> Float[np.ndarray, "H W 3"]:
+def draw_outlines(picture: Picture, labels: np.ndarray, is_shown: Mask | None = None) -> Picture:
     """Return a picture with darker pixels where the label changes."""
     is_edge = find_outlines(labels)
     if is_shown is not None:
@@ -173,18 +171,13 @@ def draw_outlines(
     return np.where(is_edge[..., None], _OUTLINE * picture, picture)
 
 
-def blend(
-    below: Float[np.ndarray, "H W 3"],
-    above: Float[np.ndarray, "H W 3"],
-    is_shown: Bool[np.ndarray, "H W"],
-    opacity: float,
-) -> Float[np.ndarray, "H W 3"]:
+def blend(below: Picture, above: Picture, is_shown: Mask, opacity: float) -> Picture:
     """Return a picture with another one over it, where that is shown; `opacity` from 0 to 1."""
     mixed = (1.0 - opacity) * below + opacity * above
     return np.where(is_shown[..., None], mixed, below)
 
 
-def reduce_samples(picture: Float[np.ndarray, "H W 3"]) -> Float[np.ndarray, "h w 3"]:
+def reduce_samples(picture: Picture) -> Float[np.ndarray, "h w 3"]:
     """Return the mean of the samples of each pixel."""
     rows, columns = (size // OVERSAMPLING for size in picture.shape[:2])
     return picture.reshape(rows, OVERSAMPLING, columns, OVERSAMPLING, 3).mean(axis=(1, 3))

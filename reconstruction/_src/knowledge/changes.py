@@ -30,6 +30,9 @@ from reconstruction._src.geometry.rows import (
     sum_rows,
 )
 
+Marks = Bool[np.ndarray, " V"]  # Of each vertex, whether something holds
+Readings = Float[np.ndarray, "M 3"]  # Positions [m]
+
 _MIN_RAYS = 3  # Rays that must go through a vertex's faces before it is gone; fewer may be outliers
 _CROSSING_SHARE = 0.3
 """A vertex is gone where the rays that go through are more than this share of them and the readings that agree with
@@ -52,11 +55,11 @@ class _Hits(NamedTuple):
 def find_crossed_vertices(
     vertices: Vertices,
     faces: Faces,
-    points: Float[np.ndarray, "M 3"],
-    origins: Float[np.ndarray, "M 3"],
+    points: Readings,
+    origins: Readings,
     agreeing: Num[np.ndarray, " V"],
     margin: float,
-) -> Bool[np.ndarray, " V"]:
+) -> Marks:
     """Return which vertices lie in free space: rays go through their faces.
 
     A ray goes through a face where it continues by more than the margin behind it, measured along the face's
@@ -160,10 +163,10 @@ class Change(NamedTuple):
     winners: Int[np.ndarray, " C"]  # the vertex nearest to each of these
     distance: Float[np.ndarray, " C"]  # distance of each of these from the surface [m]
     tolerance: float  # the distance up to which a reading agrees [m]
-    is_moved: Bool[np.ndarray, " V"]  # vertices whose new readings disagree with the surface
-    is_strong: Bool[np.ndarray, " V"]  # vertices with several readings that disagree by more than any noise
-    is_gone: Bool[np.ndarray, " V"]  # not read though all around was read again, or passed by rays
-    is_read: Bool[np.ndarray, " V"]  # vertices with a new reading nearby
+    is_moved: Marks  # vertices whose new readings disagree with the surface
+    is_strong: Marks  # vertices with several readings that disagree by more than any noise
+    is_gone: Marks  # not read though all around was read again, or passed by rays
+    is_read: Marks  # vertices with a new reading nearby
 
     @property
     def disagrees(self) -> Bool[np.ndarray, " C"]:
@@ -183,9 +186,9 @@ def detect_changes(
     vertices: Vertices,
     faces: Faces,
     old_points: Points,
-    new_points: Float[np.ndarray, "M 3"],
+    new_points: Readings,
     spacing: float,
-    origins: Float[np.ndarray, "M 3"] | None = None,
+    origins: Readings | None = None,
     free_rays: Float[np.ndarray, "K 2 3"] | None = None,
 ) -> Change:
     """Compare new readings with a surface."""
@@ -247,9 +250,7 @@ def find_crowded(
     return (np.bincount(winners)[winners] >= min_readings) | np.isfinite(near[:, 0])
 
 
-def find_read(
-    vertices: Vertices, new_points: Float[np.ndarray, "M 3"], spacing: float
-) -> Bool[np.ndarray, " V"]:
+def find_read(vertices: Vertices, new_points: Readings, spacing: float) -> Marks:
     """Return which vertices have a new reading as near as the density predicts."""
     tree = cKDTree(new_points, balanced_tree=False)
     probes = thin(new_points, _NUM_DENSITY_PROBES)
@@ -259,12 +260,8 @@ def find_read(
 
 
 def find_gone(
-    vertices: Vertices,
-    faces: Faces,
-    new_points: Float[np.ndarray, "M 3"],
-    is_read: Bool[np.ndarray, " V"],
-    spacing: float,
-) -> Bool[np.ndarray, " V"]:
+    vertices: Vertices, faces: Faces, new_points: Readings, is_read: Marks, spacing: float
+) -> Marks:
     """Return which vertices are gone: not read again, though what surrounds them was.
 
     A connected patch without readings is gone if new readings lie on all sides of it (in the plane in which
@@ -288,7 +285,7 @@ def find_gone(
     return is_gone
 
 
-def number_parts(faces: Faces, is_marked: Bool[np.ndarray, " V"]) -> Int[np.ndarray, " V"]:
+def number_parts(faces: Faces, is_marked: Marks) -> Int[np.ndarray, " V"]:
     """Return for every marked vertex the number of its connected part, for the others -1."""
     pairs = np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]])
     pairs = pairs[is_marked[pairs].all(axis=1)]
@@ -299,9 +296,7 @@ def number_parts(faces: Faces, is_marked: Bool[np.ndarray, " V"]) -> Int[np.ndar
     return number
 
 
-def _is_surrounded(
-    patch: Float[np.ndarray, "P 3"], readings: Float[np.ndarray, "M 3"], spacing: float
-) -> bool:
+def _is_surrounded(patch: Float[np.ndarray, "P 3"], readings: Readings, spacing: float) -> bool:
     """Return whether there are readings just beyond the patch in each sector around it."""
     center = patch.mean(axis=0)
     axes = np.linalg.svd(patch[:_AXIS_SAMPLES] - center, full_matrices=False)[2][:2]
@@ -321,9 +316,7 @@ def _is_surrounded(
     return len(np.unique(around_sector[is_beyond])) == _NUM_SECTORS
 
 
-def _pick_probes(
-    old_points: Points, new_points: Float[np.ndarray, "M 3"], spacing: float
-) -> Float[np.ndarray, "P 3"]:
+def _pick_probes(old_points: Points, new_points: Readings, spacing: float) -> Float[np.ndarray, "P 3"]:
     """Return old points near the new readings, or all over the surface, as many as suffice."""
     pool = thin(old_points, _POOL)
     near = find_near_box(pool, new_points, spacing)
@@ -347,7 +340,7 @@ def _is_significant(
     owners: Int[np.ndarray, " P"],
     has_disagreed: Bool[np.ndarray, " P"],
     number: int,
-) -> Bool[np.ndarray, " V"]:
+) -> Marks:
     """Return at which vertices clearly more of the new readings disagree than did of the old."""
     before, now = (np.bincount(to, minlength=number).astype(np.float64) for to in (owners, winners))
     were_against = np.bincount(owners, has_disagreed, minlength=number)
@@ -372,13 +365,8 @@ _MIN_CONFIRMATIONS = 4.0
 
 
 def compare(
-    vertices: Vertices,
-    faces: Faces,
-    change: Change,
-    old_points: Points,
-    new_points: Float[np.ndarray, "M 3"],
-    spacing: float,
-) -> tuple[Bool[np.ndarray, " V"], Bool[np.ndarray, " N"]]:
+    vertices: Vertices, faces: Faces, change: Change, old_points: Points, new_points: Readings, spacing: float
+) -> tuple[Marks, Bool[np.ndarray, " N"]]:
     """Return which vertices have changed, and which old points are still valid.
 
     Points of vertices that moved or are gone are not valid, unless the surface goes on there; those near them are not
@@ -401,7 +389,7 @@ def compare(
     return is_changed | (2 * lost > had), is_valid
 
 
-def _spread_gone(faces: Faces, change: Change) -> Bool[np.ndarray, " V"]:
+def _spread_gone(faces: Faces, change: Change) -> Marks:
     """Return the gone vertices with those next to them that new readings pass close by but never confirm.
 
     Where readings are so few that a vertex may miss its own by chance, nothing is added.
@@ -415,7 +403,7 @@ def _spread_gone(faces: Faces, change: Change) -> Bool[np.ndarray, " V"]:
 
 def _find_extended(
     vertices: Vertices, faces: Faces, change: Change, readings: Float[np.ndarray, "C 3"]
-) -> Bool[np.ndarray, " V"]:
+) -> Marks:
     """Return the vertices at the boundary beyond which new readings continue the surface."""
     winner, distant = change.winners[change.disagrees], readings[change.disagrees]
     normals = compute_vertex_normals(vertices, faces)
@@ -427,9 +415,7 @@ def _find_extended(
     return find_border_vertices(faces, len(vertices)) & (flat > count / 2)
 
 
-def _lie_on(
-    points: Float[np.ndarray, "P 3"], readings: Float[np.ndarray, "M 3"], tolerance: float
-) -> Bool[np.ndarray, " P"]:
+def _lie_on(points: Float[np.ndarray, "P 3"], readings: Readings, tolerance: float) -> Bool[np.ndarray, " P"]:
     """Return which points lie on the plane through the nearest readings; true where these span none beside them."""
     if len(points) == 0 or len(readings) < _PLANE_READINGS:
         return np.ones(len(points), dtype=bool)

@@ -24,6 +24,8 @@ from reconstruction._src.geometry.rows import (
 )
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
+Chosen = Bool[np.ndarray, " F"]  # Of each face, whether it is one
+
 _SHORTEST = float(np.finfo(np.float32).tiny)
 """Divided by instead of 0, also in single precision: the direction of an edge without length is 0."""
 
@@ -44,7 +46,7 @@ _SHARP_ANGLE = np.deg2rad(75)
 over a narrow groove."""
 
 
-def find_folded(vertices: Vertices, faces: Faces) -> Bool[np.ndarray, " F"]:
+def find_folded(vertices: Vertices, faces: Faces) -> Chosen:
     """Return which faces lie against the mean normal, by area, of those around their corners."""
     cross = compute_area_vectors(vertices, faces)
     at_vertex = sum_by_owner(faces.ravel(), np.repeat(cross, 3, axis=0), len(vertices))
@@ -52,12 +54,8 @@ def find_folded(vertices: Vertices, faces: Faces) -> Bool[np.ndarray, " F"]:
 
 
 def find_tangled(
-    vertices: Vertices,
-    faces: Faces,
-    hinges: Hinges,
-    is_suspect: Bool[np.ndarray, " F"],
-    is_tested: Bool[np.ndarray, " F"] | None = None,
-) -> Bool[np.ndarray, " F"]:
+    vertices: Vertices, faces: Faces, hinges: Hinges, is_suspect: Chosen, is_tested: Chosen | None = None
+) -> Chosen:
     """Return which faces are folded, or intersect another; these are looked for at suspects and sharp edges."""
     is_tangled = find_folded(vertices, faces)
     cosine = measure_bends(vertices, faces, hinges)
@@ -99,7 +97,7 @@ def untangle(vertices: Vertices, faces: Faces) -> tuple[Float[np.ndarray, "W 3"]
 
 def _unfold(
     vertices: Vertices, faces: Faces, is_movable: Bool[np.ndarray, " V"] | None = None
-) -> tuple[Vertices, Bool[np.ndarray, " F"]]:
+) -> tuple[Vertices, Chosen]:
     """Do what `unfold_faces` does; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from reconstruction._src.geometry.rows import Vertices
 from reconstruction._src.tiles.point_stream import Place, TilesConfig
 
 _ON_BORDER = 1e-9  # A vertex this near to a border lies on it [m]
@@ -20,7 +21,7 @@ _MAX_GAP = (
 class Surface(NamedTuple):
     """Vertices [m] and faces of a surface."""
 
-    vertices: Float[np.ndarray, "V 3"]
+    vertices: Vertices
     faces: Int[np.ndarray, "F 3"]
 
 
@@ -185,12 +186,8 @@ def _insert_vertices(
 
 
 def _blend(
-    vertices: Float[np.ndarray, "V 3"],
-    neighbors: Mapping[Place, Surface],
-    place: Place,
-    config: TilesConfig,
-    max_gap: float,
-) -> Float[np.ndarray, "V 3"]:
+    vertices: Vertices, neighbors: Mapping[Place, Surface], place: Place, config: TilesConfig, max_gap: float
+) -> Vertices:
     """Move vertices in the halo towards the mean of all surfaces there; weights fall from 1 at a border to 0."""
     import igl
 
@@ -215,12 +212,7 @@ def _blend(
 
 
 def _meet(
-    cut: Surface,
-    moved: Float[np.ndarray, "V 3"],
-    border: _Border,
-    other: Surface,
-    max_gap: float,
-    partners: _Partners,
+    cut: Surface, moved: Vertices, border: _Border, other: Surface, max_gap: float, partners: _Partners
 ) -> None:
     """Put the vertices on a border in the middle between both cuts: from both sides, that is the same place."""
     edges, theirs = _find_seam_edges(cut, border), _find_seam_edges(other, border)
@@ -236,8 +228,8 @@ def _meet(
 
 
 def _meet_at_corner(
-    vertices: Float[np.ndarray, "V 3"],
-    moved: Float[np.ndarray, "V 3"],
+    vertices: Vertices,
+    moved: Vertices,
     corner: Float[np.ndarray, " 2"],
     meeting: list[np.ndarray],
     max_gap: float,

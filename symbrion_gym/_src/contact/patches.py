@@ -21,6 +21,9 @@ from scipy.spatial import ConvexHull, QhullError
 from reconstruction._src.geometry.rows import compute_areas, make_hull
 from symbrion_gym._src.contact.quality import RayMesh
 
+Depths = Float[np.ndarray, " V"]  # Of the solid behind each vertex [m]
+Check = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]  # Of places
+
 _FLAT = 1e-9  # Points whose spread along an axis is smaller lie in a plane [m]
 _MAX_TILT_DEG = 35.0
 """A face of a patch is turned from the mean of the patch by no more: a solid behind a more strongly bent patch
@@ -55,10 +58,7 @@ _FLAT_VOLUME = (
 
 
 def thicken_patches(
-    mesh: trimesh.Trimesh,
-    tolerance: float,
-    extent: float,
-    is_seen_from_behind: Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]],
+    mesh: trimesh.Trimesh, tolerance: float, extent: float, is_seen_from_behind: Check
 ) -> list[trimesh.Trimesh]:
     """Return a convex solid behind each convex patch of a mesh; behind each face where the tolerance is 0."""
     depths = compute_thickness(mesh, extent, is_seen_from_behind)
@@ -78,11 +78,7 @@ def thicken_patches(
     return solids
 
 
-def compute_thickness(
-    mesh: trimesh.Trimesh,
-    extent: float,
-    is_seen_from_behind: Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]],
-) -> Float[np.ndarray, " V"]:
+def compute_thickness(mesh: trimesh.Trimesh, extent: float, is_seen_from_behind: Check) -> Depths:
     """Return how thick the solid behind each vertex may be: up to the other side of a thin wall [m]."""
     scale = min(1.0, _LARGEST_SHARE * extent / _THICKNESS)
     corners, normals = np.asarray(mesh.triangles), np.asarray(mesh.face_normals)
@@ -104,7 +100,7 @@ def compute_thickness(
 
 
 def _find_inner_points(
-    mesh: trimesh.Trimesh, faces: Int[np.ndarray, " M"], depths: Float[np.ndarray, " V"]
+    mesh: trimesh.Trimesh, faces: Int[np.ndarray, " M"], depths: Depths
 ) -> Float[np.ndarray, "N 3"]:
     """Return points behind some faces of a mesh, at the depth of each vertex."""
     corners = np.asarray(mesh.faces)[faces]
@@ -131,9 +127,7 @@ class _Patch:
     depth: float  # thickness of the thinnest vertex [m]
 
 
-def join_faces(
-    mesh: trimesh.Trimesh, depths: Float[np.ndarray, " V"], tolerance: float
-) -> list[Int[np.ndarray, " M"]]:
+def join_faces(mesh: trimesh.Trimesh, depths: Depths, tolerance: float) -> list[Int[np.ndarray, " M"]]:
     """Return the faces of each convex patch."""
     patches = _make_patches(mesh, depths)
     order = _order_edges(mesh)
@@ -161,7 +155,7 @@ def join_faces(
     return [np.sort(patch.faces) for patch in patches.values()]
 
 
-def _make_patches(mesh: trimesh.Trimesh, depths: Float[np.ndarray, " V"]) -> dict[int, _Patch]:
+def _make_patches(mesh: trimesh.Trimesh, depths: Depths) -> dict[int, _Patch]:
     """Return one patch a face."""
     areas = compute_areas(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     patches = {}

@@ -20,6 +20,9 @@ from scipy.sparse.csgraph import connected_components
 
 from symbrion_gym._src.errors import ArenaError
 
+Direction = Float[np.ndarray, " 3"]  # A unit vector
+Normals = Float[np.ndarray, "R 3"]  # Unit normals of planes
+
 _LEAST_MASS = 1e-300  # Keeps divisions by the area of no faces finite
 _MAX_ANGLE_DEG = 40.0
 """Largest angle between a face and the plane it belongs to; noise turns small faces this far."""
@@ -52,7 +55,7 @@ Labels = Int[np.ndarray, " F"]  # The plane of each face, -1 for none
 class Planes(NamedTuple):
     """The planes of a mesh and whose faces they are."""
 
-    normals: Float[np.ndarray, "R 3"]  # unit normals, to the outside
+    normals: Normals  # unit normals, to the outside
     offsets: Float[np.ndarray, " R"]  # normal · point on the plane [m]
     labels: Labels  # the plane of each face, -1 for none
     noise: float  # standard deviation of the mesh around its planes [m]
@@ -87,7 +90,7 @@ def find_planes(mesh: trimesh.Trimesh, tolerance: float) -> Planes:
     return Planes(normals, offsets + normals @ surface.origin, labels, noise)
 
 
-def _compute_moments(mesh: trimesh.Trimesh, origin: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "F 4 4"]:
+def _compute_moments(mesh: trimesh.Trimesh, origin: Direction) -> Float[np.ndarray, "F 4 4"]:
     """Return the integral of h hᵀ over every face, h = (x - origin, 1)."""
     corners = np.asarray(mesh.triangles, dtype=np.float64) - origin
     homogeneous = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2)
@@ -111,7 +114,7 @@ def _fit_moments(
 
 
 def _measure_deviations(
-    moments: Float[np.ndarray, "N 4 4"], normal: Float[np.ndarray, " 3"], offset: float
+    moments: Float[np.ndarray, "N 4 4"], normal: Direction, offset: float
 ) -> Float[np.ndarray, " N"]:
     """Return root-mean-square distances of moments from one plane [m]."""
     plane = np.append(normal, -offset)
@@ -158,7 +161,7 @@ class _FaceSurface:
         flip = np.where(np.einsum("fi,fi->f", planes, normals) < 0, -1.0, 1.0)
         return deviation, planes * flip[:, None], offsets * flip
 
-    def fit_faces(self, members: Int[np.ndarray, " M"]) -> tuple[Float[np.ndarray, " 3"], float]:
+    def fit_faces(self, members: Int[np.ndarray, " M"]) -> tuple[Direction, float]:
         """Return the plane of some faces: its normal, on their side, and its offset [m]."""
         normal, offset, _ = _fit_moments(self.moments[members].sum(axis=0))
         if normal @ (self.normals[members] * self.areas[members, None]).sum(axis=0) < 0:
@@ -166,12 +169,7 @@ class _FaceSurface:
         return normal, float(offset)
 
     def grow(
-        self,
-        seed: int,
-        normal: Float[np.ndarray, " 3"],
-        offset: float,
-        is_free: Bool[np.ndarray, " F"],
-        reach: float,
+        self, seed: int, normal: Direction, offset: float, is_free: Bool[np.ndarray, " F"], reach: float
     ) -> Int[np.ndarray, " M"]:
         """Return the free faces that lie on one plane and are connected with the seed."""
         members = np.array([seed])
@@ -212,7 +210,7 @@ class _FaceSurface:
 
     def _cost(
         self,
-        normals: Float[np.ndarray, "R 3"],
+        normals: Normals,
         offsets: Float[np.ndarray, " R"],
         candidate: Int[np.ndarray, "F K"],
         reach: float,
@@ -319,9 +317,7 @@ def share_planes(mesh: trimesh.Trimesh, planes: Planes, tolerance: float) -> Pla
     return planes._replace(normals=normals, offsets=offsets)
 
 
-def _fit(
-    sums: Float[np.ndarray, "R 4 4"], normals: Float[np.ndarray, "R 3"], members: list[int]
-) -> tuple[Float[np.ndarray, " 3"], float]:
+def _fit(sums: Float[np.ndarray, "R 4 4"], normals: Normals, members: list[int]) -> tuple[Direction, float]:
     """Return the common plane of some regions, on the side of the largest."""
     normal, offset, _ = _fit_moments(sums[members].sum(axis=0))
     largest = members[int(np.argmax(sums[members, 3, 3]))]
@@ -330,10 +326,7 @@ def _fit(
 
 
 def _measure_shift(
-    sums: Float[np.ndarray, "R 4 4"],
-    own: Float[np.ndarray, " R"],
-    normals: Float[np.ndarray, "R 3"],
-    members: list[int],
+    sums: Float[np.ndarray, "R 4 4"], own: Float[np.ndarray, " R"], normals: Normals, members: list[int]
 ) -> float:
     """Return how far the common plane lies off the worst region's own [m]; inf where a region faces the other way."""
     normal, offset = _fit(sums, normals, members)

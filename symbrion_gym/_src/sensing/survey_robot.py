@@ -14,6 +14,9 @@ from reconstruction._src.base.range_checks import check_not_negative, check_posi
 from reconstruction._src.geometry.pose import make_rotation
 from symbrion_gym._src.errors import SurveyError
 
+Ranges = Float[np.ndarray, " R"]  # Of each beam [m]
+Pose = Float[np.ndarray, "4 4"]  # Of a frame in the world
+
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(origin `[3]`, unit directions `[R, 3]`) -> distances `[R]` [m], inf where nothing is hit."""
 _UPRIGHT = 1e-9  # A beam whose sine to the z axis is smaller is parallel to it but for rounding
@@ -67,7 +70,7 @@ class LaserScanner:
         """Beam angles [rad], symmetric about 0."""
         return np.linspace(-self.field_of_view / 2, self.field_of_view / 2, self.num_beams)
 
-    def sigma(self, ranges: Float[np.ndarray, " R"]) -> Float[np.ndarray, " R"]:
+    def sigma(self, ranges: Ranges) -> Ranges:
         """Return the standard deviation of readings at these ranges [m]."""
         return self.noise + self.noise_per_meter * ranges
 
@@ -79,10 +82,10 @@ class LaserScanner:
     def scan(
         self,
         cast: Cast,
-        pose: Float[np.ndarray, "4 4"],
+        pose: Pose,
         rng: np.random.Generator,
         directions: Float[np.ndarray, "R 3"] | None = None,
-    ) -> tuple[Float[np.ndarray, " R"], Bool[np.ndarray, " R"]]:
+    ) -> tuple[Ranges, Bool[np.ndarray, " R"]]:
         """Take one scan; return the readings [m] (nan: no return) and which of them mix two surfaces.
 
         Args:
@@ -106,12 +109,8 @@ class LaserScanner:
         return ranges, is_mixed & np.isfinite(ranges)
 
     def _meet_edges(
-        self,
-        cast: Cast,
-        pose: Float[np.ndarray, "4 4"],
-        directions: Float[np.ndarray, "R 3"],
-        exact: Float[np.ndarray, " R"],
-    ) -> tuple[Float[np.ndarray, " R"], Float[np.ndarray, " R"], Bool[np.ndarray, " R"]]:
+        self, cast: Cast, pose: Pose, directions: Float[np.ndarray, "R 3"], exact: Ranges
+    ) -> tuple[Ranges, Ranges, Bool[np.ndarray, " R"]]:
         """Return the nearest and the farthest surface in every light spot [m], and whether an edge parts them."""
         near, far, is_mixed = np.zeros_like(exact), np.zeros_like(exact), np.zeros(len(exact), bool)
         hits = np.flatnonzero(np.isfinite(exact))
@@ -182,7 +181,7 @@ class CameraConfig:
 
 
 def look_at(
-    positions: Float[np.ndarray, "N 3"], pose: Float[np.ndarray, "4 4"], cast: Cast, config: CameraConfig
+    positions: Float[np.ndarray, "N 3"], pose: Pose, cast: Cast, config: CameraConfig
 ) -> tuple[Float[np.ndarray, "N 3"], Bool[np.ndarray, " N"]]:
     """Return the places that the pixels show which readings fall on, and which of them show any."""
     center = pose[:3, 3] + pose[:3, :3] @ np.asarray(config.offset)
@@ -272,7 +271,7 @@ class SurveyRobot:
             raise SurveyError(f"SurveyRobot: shake_memory must lie in [0, 1), got {self.shake_memory}")
 
     @property
-    def vertical_mount(self) -> Float[np.ndarray, "4 4"]:
+    def vertical_mount(self) -> Pose:
         """Pose of the vertical scanner in the robot; its plane is the robot's y-z plane."""
         mount = np.eye(4)
         mount[:3, :3] = make_rotation(roll=self.tilt) @ _SCAN_PLANE
@@ -280,7 +279,7 @@ class SurveyRobot:
         return mount
 
     @property
-    def horizontal_mount(self) -> Float[np.ndarray, "4 4"]:
+    def horizontal_mount(self) -> Pose:
         """Pose of the horizontal scanner in the robot: its middle beam ahead."""
         mount = np.eye(4)
         mount[2, 3] = self.low_height

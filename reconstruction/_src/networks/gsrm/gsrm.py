@@ -25,7 +25,7 @@ from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_l
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
 from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
 from reconstruction._src.networks.gsrm.support import make_support
-from reconstruction._src.networks.gsrm.topology import learn_faces
+from reconstruction._src.networks.gsrm.topology import Units, learn_faces
 from reconstruction._src.networks.som.density import Density, measure_density
 from reconstruction._src.networks.som.winners import Tiles, make_tiles, search_all
 from reconstruction._src.networks.surface_fit import fit_surface
@@ -85,7 +85,7 @@ class GSRMConfig:
 class State(NamedTuple):
     """A trained map."""
 
-    units: Float[np.ndarray, "U 3"]  # reference vectors [m]; each has a face
+    units: Units  # reference vectors [m]; each has a face
     # unit indices: an oriented two-manifold (in paper mode: whatever the rules give)
     faces: Faces
 
@@ -139,7 +139,7 @@ def train_again(
 
 def _train_batch(
     samples: Points, old: Old | None, config: GSRMConfig, rng: np.random.Generator, progress: Progress
-) -> tuple[Float[np.ndarray, "U 3"], Faces]:
+) -> tuple[Units, Faces]:
     """Grow, learn the topology, fit; all in units of the cloud's size."""
     progress("sort the samples", 0.0)
     tiles = make_tiles(samples)
@@ -155,9 +155,7 @@ def _train_batch(
     return units, faces
 
 
-def _grow(
-    tiles: Tiles, density: Density, old: Old | None, num_units: int, rng: np.random.Generator
-) -> Float[np.ndarray, "U 3"]:
+def _grow(tiles: Tiles, density: Density, old: Old | None, num_units: int, rng: np.random.Generator) -> Units:
     """Grow a number of units over the samples; between held ones, as many as make the map as dense as these."""
     samples, weights = tiles.tree.data.astype(np.float32), density.weights
     held = samples[:0] if old is None else old.held
@@ -184,11 +182,7 @@ def _count_cells(samples: Points, width: float) -> int:
 
 
 def _complete(
-    samples: Points,
-    units: Float[np.ndarray, "U 3"],
-    faces: Faces,
-    config: GSRMConfig,
-    rng: np.random.Generator,
+    samples: Points, units: Units, faces: Faces, config: GSRMConfig, rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
     """Return the surface with maps beside it that have grown over what it leaves uncovered.
 
@@ -214,9 +208,7 @@ def _complete(
     return units, faces
 
 
-def _draw_start(
-    samples: Points, density: Density, num_units: int, rng: np.random.Generator
-) -> Float[np.ndarray, "U 3"]:
+def _draw_start(samples: Points, density: Density, num_units: int, rng: np.random.Generator) -> Units:
     """Draw the first units among the samples, fewer than the share of them where samples are too sparse."""
     number = max(3, int(_START_SHARE * num_units))
     usable = np.flatnonzero(density.weights)
@@ -231,7 +223,7 @@ def _draw_start(
 
 
 def _learn_surface(
-    level: Level, units: Float[np.ndarray, "U 3"], old: Old | None, progress: Progress
+    level: Level, units: Units, old: Old | None, progress: Progress
 ) -> tuple[Float[np.ndarray, "W 3"], Faces]:
     """Join finished units by faces and fit these to the samples."""
     winners = search_all(level.tiles, units, 3)
@@ -255,13 +247,13 @@ def _learn_surface(
 
 
 def _fit(
-    units: Float[np.ndarray, "U 3"],
+    units: Units,
     faces: Faces,
     samples: Points,
     winners: Int[np.ndarray, " N"],
     weights: Float[np.ndarray, " N"],
     is_movable: Bool[np.ndarray, " U"] | None,
-) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "G 3"]]:
+) -> tuple[Units, Int[np.ndarray, "G 3"]]:
     """Fit the mesh to the samples; where there are many, to few of them first.
 
     Creases need iterations, accuracy needs samples; below 20 samples a unit a third iteration would fit

@@ -25,6 +25,9 @@ from reconstruction._src.geometry.rows import Faces, compute_lengths, sum_rows
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction._src.networks.gsrm.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
 
+Units = Float[np.ndarray, "U 3"]  # Reference vectors
+Keys = Int[np.ndarray, " K"]  # Triples of units, each as one number
+
 _RIM_NEIGHBORS = 24  # Likewise `NUM_NEIGHBORS`, at the boundary (the rim) of a component, between components
 _MIN_COMPONENT = 6  # Components of fewer faces are debris, where another is `_DEBRIS_RATIO` times as large
 _DEBRIS_RATIO = 50  # See `_MIN_COMPONENT`
@@ -37,7 +40,7 @@ _FLATNESS = 1e-10
 
 
 def learn_faces(
-    units: Float[np.ndarray, "U 3"],
+    units: Units,
     winners: Int[np.ndarray, "N 3"],
     support: Support,
     known: Int[np.ndarray, "K 3"] | None = None,
@@ -55,7 +58,7 @@ def learn_faces(
 
 
 def _propose_faces(
-    units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "N 3"], support: Support
+    units: Units, winners: Int[np.ndarray, "N 3"], support: Support
 ) -> tuple[Faces, Float[np.ndarray, " F"]]:
     """Return the faces that the samples witness, no manifold yet, and how empty their balls are."""
     triples = find_triples(winners, len(units))
@@ -71,9 +74,7 @@ def _propose_faces(
     return faces, margin
 
 
-def join_components(
-    units: Float[np.ndarray, "U 3"], faces: Faces, support: Support
-) -> Int[np.ndarray, "G 3"]:
+def join_components(units: Units, faces: Faces, support: Support) -> Int[np.ndarray, "G 3"]:
     """Return the faces and those that close gaps between their components, where samples lie in these.
 
     Where scan lines are far apart, the units at a boundary are not the nearest to one another. Faces between two
@@ -106,11 +107,7 @@ def _lies_on_full(proposed: Int[np.ndarray, "P 3"], faces: Faces, num_units: int
 
 
 def _witness_midpoints(
-    units: Float[np.ndarray, "U 3"],
-    triples: Int[np.ndarray, " K"],
-    selected: Int[np.ndarray, " C"],
-    support: Support,
-    num_neighbors: int,
+    units: Units, triples: Keys, selected: Int[np.ndarray, " C"], support: Support, num_neighbors: int
 ) -> Int[np.ndarray, " L"]:
     """Return the keys with those that places between the selected units and their neighbors witness as well."""
     midpoints = _compute_midpoints(units, selected, num_neighbors)
@@ -118,9 +115,7 @@ def _witness_midpoints(
     return _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
 
 
-def _propose(
-    units: Float[np.ndarray, "U 3"], triples: Int[np.ndarray, " K"], support: Support
-) -> tuple[Faces, Float[np.ndarray, " F"]]:
+def _propose(units: Units, triples: Keys, support: Support) -> tuple[Faces, Float[np.ndarray, " F"]]:
     """Return the faces of witnessed edges that are empty and lie on samples, and their margins."""
     edges, cliques = find_cliques(triples, len(units))
     empty, margin = find_empty(units, cliques, edges)
@@ -138,7 +133,7 @@ def _find_border(faces: Faces, num_units: int) -> Int[np.ndarray, " B"]:
 
 
 def _finish_faces(
-    units: Float[np.ndarray, "U 3"], faces: Faces, quality: Float[np.ndarray, " F"], support: Support
+    units: Units, faces: Faces, quality: Float[np.ndarray, " F"], support: Support
 ) -> Int[np.ndarray, "G 3"]:
     """Return an oriented two-manifold: of conflicting faces the better stay, holes are patched."""
     faces = make_manifold(units, faces, quality)
@@ -159,7 +154,7 @@ def _finish_faces(
 
 
 def _compute_midpoints(
-    units: Float[np.ndarray, "U 3"], selected: Int[np.ndarray, " C"], num_neighbors: int
+    units: Units, selected: Int[np.ndarray, " C"], num_neighbors: int
 ) -> Float[np.ndarray, "P 3"]:
     """Return the places halfway between each selected unit and its nearest ones."""
     num_neighbors = min(num_neighbors, len(units) - 1)
@@ -169,12 +164,12 @@ def _compute_midpoints(
     return (units[keys // len(units)] + units[keys % len(units)]) / 2
 
 
-def find_triples(winners: Int[np.ndarray, "N 3"], num_units: int) -> Int[np.ndarray, " K"]:
+def find_triples(winners: Int[np.ndarray, "N 3"], num_units: int) -> Keys:
     """Return the keys of the witnessed triples, ascending: what three units win together."""
     return _sorted_unique(_key(winners.astype(np.int64), num_units))
 
 
-def find_cliques(triples: Int[np.ndarray, " K"], num_units: int) -> tuple[Int[np.ndarray, "E 2"], Faces]:
+def find_cliques(triples: Keys, num_units: int) -> tuple[Int[np.ndarray, "E 2"], Faces]:
     """Return the witnessed edges and all triangles of them, both in ascending order."""
     c = triples % num_units
     a, b = np.divmod(triples // num_units, num_units)
@@ -193,7 +188,7 @@ def find_cliques(triples: Int[np.ndarray, " K"], num_units: int) -> tuple[Int[np
 
 
 def find_empty(
-    units: Float[np.ndarray, "U 3"], faces: Faces, edges: Int[np.ndarray, "E 2"]
+    units: Units, faces: Faces, edges: Int[np.ndarray, "E 2"]
 ) -> tuple[Int[np.ndarray, " G"], Float[np.ndarray, " G"]]:
     """Find the faces whose circumscribed ball contains no neighbor of a corner."""
     table = _tabulate_neighbors(edges, len(units))
@@ -249,6 +244,6 @@ def _key(triples: Int[np.ndarray, "N 3"], num_units: int) -> Int[np.ndarray, " N
     return (np.minimum(low, c) * num_units + middle) * num_units + np.maximum(high, c)
 
 
-def _sorted_unique(keys: Int[np.ndarray, " N"]) -> Int[np.ndarray, " K"]:
+def _sorted_unique(keys: Int[np.ndarray, " N"]) -> Keys:
     keys = np.sort(keys)
     return keys[np.diff(keys, prepend=-1) != 0]

@@ -8,6 +8,10 @@ from jaxtyping import Float, Int
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS
 from symbrion_gym._src.swarm.docks import SCOUT
 
+Numbers = Int[np.ndarray, " N"]  # Of each robot: its group, its root or how much of a motion it makes
+Vectors = Float[np.ndarray, "N 3"]  # Of each robot
+Angles = Float[np.ndarray, " N"]  # Of each robot [rad]
+
 FULL, TURN, STAY = 0, 1, 2  # What a robot does of a wanted motion: all, only its turn on the spot, nothing
 GRIP = 1e-6  # Overlap of two robots that is none [m]: rounding
 _HALF = SCOUT.size[0] / 2
@@ -16,12 +20,12 @@ _HALF = SCOUT.size[0] / 2
 class Poses(NamedTuple):
     """Poses of N robots on the ground."""
 
-    position: Float[np.ndarray, "N 3"]  # centers of the chassis [m]
+    position: Vectors  # centers of the chassis [m]
     rotation: Float[np.ndarray, "N 3 3"]  # of the chassis, to the arena
-    hinge: Float[np.ndarray, " N"]  # angles of the arms [rad]
+    hinge: Angles  # angles of the arms [rad]
 
     @property
-    def heading(self) -> Float[np.ndarray, " N"]:
+    def heading(self) -> Angles:
         """Directions of the robots, seen from above [rad]."""
         return np.arctan2(self.rotation[:, 1, 0], self.rotation[:, 0, 0])
 
@@ -35,9 +39,7 @@ class Poses(NamedTuple):
         return np.column_stack([center, ahead, center + reach[:, None] * ahead, self.position[:, 2]])
 
 
-def make_rotations(
-    normal: Float[np.ndarray, "N 3"], heading: Float[np.ndarray, " N"]
-) -> Float[np.ndarray, "N 3 3"]:
+def make_rotations(normal: Vectors, heading: Angles) -> Float[np.ndarray, "N 3 3"]:
     """Return attitudes with z along normals and x, seen from above, along headings [rad]."""
     c, s = np.cos(heading), np.sin(heading)
     x, y, z = normal[:, 0], normal[:, 1], normal[:, 2]
@@ -51,9 +53,7 @@ def make_rotations(
     return result
 
 
-def choose_roots(
-    groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"], speed: Float[np.ndarray, " N"]
-) -> Int[np.ndarray, " N"]:
+def choose_roots(groups: Numbers, roots: Numbers, speed: Angles) -> Numbers:
     """Return the robot of each group whose pose leads: that of its largest former part, which a newcomer does not move.
 
     Of equal parts it is the one that stands: tracks that already slide resist a turn less than parked ones.
@@ -68,7 +68,7 @@ def choose_roots(
     return result
 
 
-def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 3"]:
+def find_layout(poses: Poses, groups: Numbers) -> Vectors:
     """Return x [m], y [m] and heading [rad] of each robot in the frame of its group's root."""
     root = poses.rotation[groups]
     place = np.einsum("nji,nj->ni", root, poses.position - poses.position[groups])
@@ -77,10 +77,7 @@ def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray
 
 
 def place_members(
-    position: Float[np.ndarray, "N 3"],
-    rotation: Float[np.ndarray, "N 3 3"],
-    layout: Float[np.ndarray, "N 3"],
-    hinge: Float[np.ndarray, " N"],
+    position: Vectors, rotation: Float[np.ndarray, "N 3 3"], layout: Vectors, hinge: Angles
 ) -> Poses:
     """Return the poses of robots from those of their roots, given once a member."""
     c, s = np.cos(layout[:, 2]), np.sin(layout[:, 2])
@@ -90,7 +87,7 @@ def place_members(
     return Poses(place, np.stack([ahead, left, z], axis=2), hinge)
 
 
-def select(level: Int[np.ndarray, " N"], full: Poses, turned: Poses, old: Poses) -> Poses:
+def select(level: Numbers, full: Poses, turned: Poses, old: Poses) -> Poses:
     """Return the poses at the level of each robot."""
     chosen = []
     for values in zip(full, turned, old, strict=True):
@@ -99,9 +96,7 @@ def select(level: Int[np.ndarray, " N"], full: Poses, turned: Poses, old: Poses)
     return Poses(*chosen)
 
 
-def find_pairs(
-    position: Float[np.ndarray, "N 3"], reach: float
-) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
+def find_pairs(position: Vectors, reach: float) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
     """Return the pairs of robots whose centers are no farther apart, the smaller index first."""
     x, y = position[:, 0], position[:, 1]
     near = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2 <= reach**2
@@ -128,21 +123,19 @@ def find_overlaps(one: Float[np.ndarray, "P 7"], other: Float[np.ndarray, "P 7"]
     return np.where(np.abs(between[:, 6]) > SCOUT.size[2], -np.inf, depth)
 
 
-def find_members(groups: Int[np.ndarray, " N"]) -> np.ndarray:
+def find_members(groups: Numbers) -> np.ndarray:
     """Return which robots belong to a group of several, `[N]`."""
     return np.bincount(groups, minlength=len(groups))[groups] > 1
 
 
-def spread_level(level: Int[np.ndarray, " N"], groups: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+def spread_level(level: Numbers, groups: Numbers) -> Numbers:
     """Return for each robot the highest level of its group: members move together or not at all."""
     highest = np.zeros_like(level)
     np.maximum.at(highest, groups, level)
     return highest[groups]
 
 
-def avoid_overlaps(
-    level: Int[np.ndarray, " N"], full: Poses, turned: Poses, old: Poses, groups: Int[np.ndarray, " N"]
-) -> Int[np.ndarray, " N"]:
+def avoid_overlaps(level: Numbers, full: Poses, turned: Poses, old: Poses, groups: Numbers) -> Numbers:
     """Return what of its motion each robot does, so that none reaches farther into another one than before.
 
     Who moves into a robot, wherever that one ends up, gives up its way, and if that is not enough its turn. In the end
@@ -171,7 +164,7 @@ def avoid_overlaps(
         level = spread_level(level, groups)
 
 
-def hold_arms(new: Poses, hinge: Float[np.ndarray, " N"], groups: Int[np.ndarray, " N"]) -> Poses:
+def hold_arms(new: Poses, hinge: Angles, groups: Numbers) -> Poses:
     """Return poses in which no arm has moved farther into a robot of its own group than it was."""
     if not (find_members(groups) & (new.hinge != hinge)).any():
         return new

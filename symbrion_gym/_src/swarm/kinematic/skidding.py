@@ -10,6 +10,9 @@ from symbrion_gym._src.robot.scout_constants import ARM_RADIUS
 from symbrion_gym._src.robot.tracks import find_road_wheels
 from symbrion_gym._src.swarm.docks import SCOUT
 
+Vectors = Float[np.ndarray, "N 3"]  # Of each robot
+Pairs = Float[np.ndarray, "N 2"]  # Of each robot
+
 _ROUNDING = 1e-9  # Heights that differ by less are the same [m]
 _LEAST_SLIP = 0.01
 """Slip below which friction grows in proportion to it, as a share of the speed of the belts; MuJoCo's contacts give way
@@ -29,13 +32,13 @@ TRACK_POINTS = _WHEELS[_WHEELS[:, 2] < _WHEELS[:, 2].min() + _ROUNDING, :2]
 
 
 def compute_twists(
-    tracks: Float[np.ndarray, "N 2"],
+    tracks: Pairs,
     groups: Int[np.ndarray, " N"],
-    layout: Float[np.ndarray, "N 3"],
+    layout: Vectors,
     hinge: Float[np.ndarray, " N"],
-    pulls: Float[np.ndarray, "N 2"],
+    pulls: Pairs,
     friction: float,
-) -> Float[np.ndarray, "N 3"]:
+) -> Vectors:
     """Return the motion of the root of each robot's group: ahead [m/s], left [m/s], turn [rad/s].
 
     Single robots turn as the balance of Coulomb friction says, and slide downhill as they do. A docked group is one
@@ -52,9 +55,7 @@ def compute_twists(
     return np.where(size[groups, None] > 1, _fit_twists(tracks, groups, layout), single)
 
 
-def _fit_twists(
-    tracks: Float[np.ndarray, "N 2"], groups: Int[np.ndarray, " N"], layout: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, "N 3"]:
+def _fit_twists(tracks: Pairs, groups: Int[np.ndarray, " N"], layout: Vectors) -> Vectors:
     ahead, left = TRACK_POINTS.T
     c, s = np.cos(layout[:, 2:]), np.sin(layout[:, 2:])
     x, y = layout[:, :1] + c * ahead - s * left, layout[:, 1:2] + s * ahead + c * left
@@ -74,11 +75,8 @@ def _fit_twists(
 
 
 def skid(
-    reach: Float[np.ndarray, " N"],
-    pulls: Float[np.ndarray, "N 2"],
-    difference: Float[np.ndarray, " N"],
-    friction: float,
-) -> Float[np.ndarray, "N 3"]:
+    reach: Float[np.ndarray, " N"], pulls: Pairs, difference: Float[np.ndarray, " N"], friction: float
+) -> Vectors:
     """Return ahead, left [m/s] and turn [rad/s] of Scouts in a frame that moves with the mean of their belts."""
     side = np.where(difference < 0.0, -1.0, 1.0)
     size = np.minimum(np.hypot(pulls[:, 0], pulls[:, 1]), _MOST_PULL * friction)
