@@ -24,6 +24,8 @@ from reconstruction._src.geometry.rows import (
 )
 from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
+Marks = Bool[np.ndarray, " V"]  # Of each vertex, whether something holds
+
 Chosen = Bool[np.ndarray, " F"]  # Of each face, whether it is one
 
 _SHORTEST = float(np.finfo(np.float32).tiny)
@@ -69,9 +71,7 @@ def find_tangled(
     return is_tangled if is_tested is None else is_tangled & is_tested
 
 
-def unfold_faces(
-    vertices: Vertices, faces: Faces, is_movable: Bool[np.ndarray, " V"] | None = None
-) -> Vertices:
+def unfold_faces(vertices: Vertices, faces: Faces, is_movable: Marks | None = None) -> Vertices:
     """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
 
     A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
@@ -95,9 +95,7 @@ def untangle(vertices: Vertices, faces: Faces) -> tuple[Float[np.ndarray, "W 3"]
     return vertices, faces
 
 
-def _unfold(
-    vertices: Vertices, faces: Faces, is_movable: Bool[np.ndarray, " V"] | None = None
-) -> tuple[Vertices, Chosen]:
+def _unfold(vertices: Vertices, faces: Faces, is_movable: Marks | None = None) -> tuple[Vertices, Chosen]:
     """Do what `unfold_faces` does; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))
@@ -129,9 +127,7 @@ def _unfold(
     return vertices, best
 
 
-def _find_turns(
-    vertices: Vertices, tail: Int[np.ndarray, " B"], head: Int[np.ndarray, " B"]
-) -> Bool[np.ndarray, " V"]:
+def _find_turns(vertices: Vertices, tail: Int[np.ndarray, " B"], head: Int[np.ndarray, " B"]) -> Marks:
     """Return at which vertices the boundary, edges from tail to head, turns by more than `_BOUNDARY_ANGLE`."""
     along = vertices[head] - vertices[tail]
     along /= np.maximum(compute_lengths(along)[:, None], _SHORTEST)

@@ -21,6 +21,8 @@ from reconstruction._src.scans.cloud_file import load_cloud
 from reconstruction._src.scans.frames import find_offset
 from reconstruction._src.scans.survey_files import find_las_units, iterate_las, open_las
 
+Rows = Float[np.ndarray, "N columns"]  # x, y, z [m], and where there are colors red, green and blue
+
 CHUNK = 1_000_000  # Points at a time: 24 MB, and a few times that while they are sorted into tiles
 _SAMPLE = 100_000  # Points that say where the middle of a cloud is
 _MAX_BYTE, _MAX_SHORT = 255, 65535
@@ -68,7 +70,7 @@ class PointStream(NamedTuple):
 
     # returns the points in chunks `[N, 3]`, in the coordinates of the file [m]; with colors `[N, 6]`: red,
     # green and blue (0 to 255) behind them
-    chunks: Callable[[], Iterator[Float[np.ndarray, "N columns"]]]
+    chunks: Callable[[], Iterator[Rows]]
     # what is to be subtracted from them [m]; zeros where they are near the origin
     offset: Float[np.ndarray, " 3"]
     columns: int = 3  # 3, or 6 with colors
@@ -92,7 +94,7 @@ def open_points(source: str | Path | ArrayLike | Cloud, meters: float | None = N
     if not len(rows):
         raise ScanError("there are no points")
 
-    def read() -> Iterator[Float[np.ndarray, "N columns"]]:
+    def read() -> Iterator[Rows]:
         for start in range(0, len(rows), CHUNK):
             chunk = slice(start, start + CHUNK)
             points = rows[chunk, :3] * np.float64(factor)
@@ -129,7 +131,7 @@ def _open_las(path: Path, meters: float | None) -> PointStream:
     lengths = (meters or stated or 1.0) * np.array([1.0, 1.0, height_factor])
     factors = np.array([*lengths, scale, scale, scale])[:columns]
 
-    def read() -> Iterator[Float[np.ndarray, "N columns"]]:
+    def read() -> Iterator[Rows]:
         with open_bounded(path, math.inf) as file, open_las(file) as reader:
             for chunk in iterate_las(reader):
                 yield _drop_broken(chunk.rows[:, :columns] * factors)
@@ -137,7 +139,7 @@ def _open_las(path: Path, meters: float | None) -> PointStream:
     return PointStream(read, find_offset(corners * lengths), columns)
 
 
-def _drop_broken(points: Float[np.ndarray, "N columns"]) -> Float[np.ndarray, "M columns"]:
+def _drop_broken(points: Rows) -> Float[np.ndarray, "M columns"]:
     is_finite = np.isfinite(points[:, :3]).all(axis=1)
     return points if is_finite.all() else points[is_finite]
 
@@ -180,11 +182,7 @@ def name_bucket(folder: Path, place: Place) -> Path:
 
 
 def _append(
-    points: Float[np.ndarray, "N columns"],
-    places: Int[np.ndarray, "N 2"],
-    folder: Path,
-    tile: float,
-    counts: Counter[Place],
+    points: Rows, places: Int[np.ndarray, "N 2"], folder: Path, tile: float, counts: Counter[Place]
 ) -> None:
     """Append points to the files of their tiles, and count them."""
     order = np.lexsort(places.T)  # stable: points stay in the order of the source

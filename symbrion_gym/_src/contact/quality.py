@@ -16,6 +16,8 @@ from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.geometry.sampling import sample_cells
 from symbrion_gym._src.errors import ArenaError
 
+Vectors = Float[np.ndarray, "R 3"]  # Of each ray: its origin [m], or its direction
+
 _FEWEST_VERTICES = 4  # MuJoCo takes no mesh of fewer, such as one triangle
 _LEAST_AREA = 1e-12  # Triangles with less are no shape [m²]; a ray hits their neighbors
 _SPACING = 0.01  # Distance of vertical lines [m]
@@ -180,9 +182,7 @@ class RayMesh:
         self._data = mujoco.MjData(self._model)
         mujoco.mj_kinematics(self._model, self._data)
 
-    def cast(
-        self, origins: Float[np.ndarray, "R 3"], directions: Float[np.ndarray, "R 3"]
-    ) -> Float[np.ndarray, " R"]:
+    def cast(self, origins: Vectors, directions: Vectors) -> Float[np.ndarray, " R"]:
         """Return the distance of the first triangle along each ray [m]; inf where there is none."""
         distances = np.full(len(origins), np.inf)
         if self._model is None or not len(origins):
@@ -195,10 +195,7 @@ class RayMesh:
         return distances
 
     def cast_fans(
-        self,
-        origins: Float[np.ndarray, "F 3"],
-        directions: Float[np.ndarray, "R 3"],
-        counts: Int[np.ndarray, " F"],
+        self, origins: Float[np.ndarray, "F 3"], directions: Vectors, counts: Int[np.ndarray, " F"]
     ) -> Float[np.ndarray, " R"]:
         """Return the distance of the first triangle along each ray of fans [m]; inf where there is none."""
         count = len(directions)

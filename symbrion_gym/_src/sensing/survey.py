@@ -25,6 +25,8 @@ from symbrion_gym._src.sensing.friction_drive import SlipNoise, drive_lanes
 from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot, expose, look_at
 from symbrion_gym._src.sensing.survey_world import SurveyWorld
 
+Waypoints = Float[np.ndarray, "W 2"]  # x and y [m]
+
 SPACING = 0.015  # One point in each cube of this edge suffices [m]: the scanner reads places where it turns very often
 _PATTERN = "checker"  # Of the courses by name, which have no colors of their own
 _GROUND = 0.5  # Gray of the ground around an arena, and of a pixel that shows nothing
@@ -212,9 +214,7 @@ def _color_readings(
     return pictures
 
 
-def make_path(
-    bounds: Float[np.ndarray, "2 3"], clearance: float = 0.3, stride: float = 1.2
-) -> Float[np.ndarray, "W 2"]:
+def make_path(bounds: Float[np.ndarray, "2 3"], clearance: float = 0.3, stride: float = 1.2) -> Waypoints:
     """Make the default path [m]: once around the arena, clockwise, in zigzag.
 
     The legs run at 45 degrees to the arena's sides, so the vertical scanner, which looks to the robot's
@@ -229,9 +229,7 @@ def make_path(
     return np.concatenate([loop, loop[:1]])
 
 
-def _zigzag(
-    start: Float[np.ndarray, " 2"], stop: Float[np.ndarray, " 2"], stride: float
-) -> Float[np.ndarray, "W 2"]:
+def _zigzag(start: Float[np.ndarray, " 2"], stop: Float[np.ndarray, " 2"], stride: float) -> Waypoints:
     """Go from start towards stop (left out), every other waypoint as far to the left as the legs are long."""
     along = stop - start
     length = float(np.hypot(*along))
@@ -241,7 +239,7 @@ def _zigzag(
     return start + i / num_legs * along + (i % 2) * left
 
 
-def drive(waypoints: Float[np.ndarray, "W 2"], robot: SurveyRobot) -> Float[np.ndarray, "S 3"]:
+def drive(waypoints: Waypoints, robot: SurveyRobot) -> Float[np.ndarray, "S 3"]:
     """Follow the waypoints at constant speed, turn on the spot; return x, y [m] and yaw [rad] at every scan."""
     legs = np.diff(waypoints, axis=0)
     yaws = np.arctan2(legs[:, 1], legs[:, 0])
@@ -299,7 +297,7 @@ def _check_size(surface: trimesh.Trimesh, what: str) -> None:
         raise SurveyError(f"{what}: the mesh is {extent:g} m large, more than {_LARGEST:g} m; {remedy}")
 
 
-def _check_path(path: ArrayLike) -> Float[np.ndarray, "W 2"]:
+def _check_path(path: ArrayLike) -> Waypoints:
     """Return the waypoints of a path, those that are the same as the one before left out."""
     waypoints = np.asarray(path, float)
     is_list = waypoints.ndim == 2 and waypoints.shape[1] == 2 and len(waypoints) >= 2

@@ -13,6 +13,8 @@ from symbrion_gym._src.arenas.primitives import add_mesh
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.survey_robot import Cast
 
+Corner = Float[np.ndarray, " 2"]  # x and y [m]
+
 _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
 """Geom groups: the arena, the ground around it, black skirting, and the room's walls."""
 _THICKNESS = 0.2  # Of the walls [m]; rays see their insides alone
@@ -20,7 +22,7 @@ _SKIRT_DEPTH = 0.02
 """How far below the arena's lowest point the skirting hangs [m], so that no ray passes under it."""
 _FLOOR_DEPTH = 0.002  # Thickness of the ground [m]
 _WALL_DEPTH = 0.5  # How far the walls reach below the ground [m]
-Rectangle = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]  # Lowest and highest x and y [m]
+Rectangle = tuple[Corner, Corner]  # Lowest and highest x and y [m]
 
 
 _GAP = 0.10  # Between the arena's bounding box and the ground around it [m]
@@ -108,19 +110,14 @@ def _add_box(
     )  # fmt: skip
 
 
-def _frame(
-    low: Float[np.ndarray, " 2"],
-    high: Float[np.ndarray, " 2"],
-    inner_low: Float[np.ndarray, " 2"],
-    inner_high: Float[np.ndarray, " 2"],
-) -> list[Rectangle]:
+def _frame(low: Corner, high: Corner, inner_low: Corner, inner_high: Corner) -> list[Rectangle]:
     """Cut the ground around the arena into four rectangles."""
     (x0, y0), (x1, y1), (a0, b0), (a1, b1) = low, high, inner_low, inner_high
     corners = [((x0, y0), (a0, y1)), ((a1, y0), (x1, y1)), ((a0, y0), (a1, b0)), ((a0, b1), (a1, y1))]
     return [(np.array(first), np.array(last)) for first, last in corners]
 
 
-def _make_pilasters(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> Iterator[Rectangle]:
+def _make_pilasters(low: Corner, high: Corner) -> Iterator[Rectangle]:
     """Make unevenly spaced pilasters along the walls, so that every view has corners."""
     rng = np.random.default_rng(_ROOM)
     for axis in (0, 1):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
@@ -38,7 +38,12 @@ from reconstruction._src.networks.growing_grid.learning import (
     fit_grid,
     learn,
 )
-from reconstruction._src.networks.growing_grid.mesh import find_covered_cells, triangulate, untangle_sheet
+from reconstruction._src.networks.growing_grid.mesh import (
+    Grid,
+    find_covered_cells,
+    triangulate,
+    untangle_sheet,
+)
 from reconstruction._src.networks.som.density import measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
 from reconstruction._src.networks.surface_fit import FitConfig
@@ -107,7 +112,7 @@ class GrowingGridConfig:
 class State(NamedTuple):
     """A trained grid."""
 
-    units: Float[np.ndarray, "R C 3"]  # reference vectors [m]
+    units: Grid  # reference vectors [m]
     has_face: Bool[np.ndarray, "R-1 C-1"]  # whether the cell between four units belongs to the surface
 
     @property
@@ -151,7 +156,7 @@ def train_again(
 class _Start(NamedTuple):
     """A grid that has learned already, and which of its units may move."""
 
-    units: Float[np.ndarray, "R C 3"]
+    units: Grid
     is_movable: Bool[np.ndarray, "R C"]
 
 
@@ -190,7 +195,7 @@ def _train_batch(
     rng: np.random.Generator,
     progress: Progress,
     start: _Start | None,
-) -> Float[np.ndarray, "R C 3"]:
+) -> Grid:
     """Drop outliers, grow or go on from a start, fit."""
     is_sound = measure_density(points, tiles.tree, rng).weights > 0
     if not is_sound.all():
@@ -213,7 +218,7 @@ def _train_batch(
 
 def _grow(
     points: Points, sort: Callable[[int], Tiles], config: GrowingGridConfig, progress: Progress
-) -> Float[np.ndarray, "R C 3"]:
+) -> Grid:
     """Grow from 2 x 2 to the wanted number of units."""
     wanted = config.wanted_units
     first = sort(choose_num_samples(len(points), 1))

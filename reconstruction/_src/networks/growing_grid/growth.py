@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int, Num
 
 from reconstruction._src.geometry.rows import Points, compute_lengths
+from reconstruction._src.networks.growing_grid.mesh import Grid
 
 Insertion = Literal["longest", "counter", "distant"]
 
@@ -50,7 +51,7 @@ def choose_lines(
 
 
 def score_gaps(
-    units: Float[np.ndarray, "R C 3"], counts: Num[np.ndarray, "R C"], rule: Insertion
+    units: Grid, counts: Num[np.ndarray, "R C"], rule: Insertion
 ) -> tuple[Float[np.ndarray, " R-1"], Float[np.ndarray, " C-1"]]:
     """Return how much every gap between rows and between columns needs a line."""
     down = compute_lengths(np.diff(units, axis=0))
@@ -80,9 +81,7 @@ def _vote(
     return by_row, by_column
 
 
-def insert_lines(
-    units: Float[np.ndarray, "R C 3"], gaps: Int[np.ndarray, " G"]
-) -> Float[np.ndarray, "S C 3"]:
+def insert_lines(units: Grid, gaps: Int[np.ndarray, " G"]) -> Float[np.ndarray, "S C 3"]:
     """Return the grid with rows in the given gaps, evenly spaced; a gap may be named more than once."""
     lines = np.repeat(np.arange(len(units) - 1), 1 + np.bincount(gaps, minlength=len(units) - 1))
     first = np.searchsorted(lines, lines)
@@ -93,7 +92,7 @@ def insert_lines(
 
 
 def choose_shape(
-    units: Float[np.ndarray, "R C 3"],
+    units: Grid,
     counts: Num[np.ndarray, "R C"],
     wanted: int,
     rule: Insertion,
@@ -136,9 +135,7 @@ def _nearest_shape(
     return best
 
 
-def choose_line_pair(
-    units: Float[np.ndarray, "R C 3"], counters: Int[np.ndarray, "R C"], rule: Insertion
-) -> tuple[int, int]:
+def choose_line_pair(units: Grid, counters: Int[np.ndarray, "R C"], rule: Insertion) -> tuple[int, int]:
     """Return axis and gap of the one line that the sequential rules insert (Fritzke's step 7).
 
     It goes between the unit q that won most and its direct neighbor f: by "counter" the one that won most,

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from reconstruction._src.geometry.rows import compute_lengths
-from reconstruction._src.networks.growing_grid.mesh import triangulate, unfold
+from reconstruction._src.networks.growing_grid.mesh import Grid, triangulate, unfold
 from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 from reconstruction._src.networks.som.winners import (
     LIST_STEP,
@@ -37,12 +37,12 @@ def choose_num_samples(num_points: int, wanted: int) -> int:
 
 def learn(
     tiles: Tiles,
-    units: Float[np.ndarray, "R C 3"],
+    units: Grid,
     sigma: float,
     iterations: int,
     goal: int = 4,
     is_movable: Bool[np.ndarray, "R C"] | None = None,
-) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
+) -> tuple[Grid, Float[np.ndarray, "R C"]]:
     """Train the grid by the batch rule."""
     padded, candidates, mask = _pad(units, tiles, goal, is_movable)
     moved, counts = _learn(
@@ -74,12 +74,12 @@ def choose_sigmas(samples_per_unit: float) -> tuple[float, ...]:
 
 def fit_grid(
     tiles: Tiles,
-    units: Float[np.ndarray, "R C 3"],
+    units: Grid,
     sigmas: tuple[float, ...],
     config: FitConfig,
     goal: int,
     is_movable: Bool[np.ndarray, "R C"] | None = None,
-) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
+) -> tuple[Grid, Float[np.ndarray, "R C"]]:
     """Fit the sheet to the samples, with the moments smoothed over the grid; then unfold it."""
     rows, columns = units.shape[:2]
     spacing = float(compute_lengths(np.diff(units, axis=1)).mean())
@@ -102,16 +102,14 @@ def fit_grid(
     return unfold(_as_grid(moved, units), is_movable) * spacing, _as_grid(counts, units)
 
 
-def _as_grid(
-    values: Shaped[jax.Array, "capacity ..."], units: Float[np.ndarray, "R C 3"]
-) -> Shaped[np.ndarray, "R C ..."]:
+def _as_grid(values: Shaped[jax.Array, "capacity ..."], units: Grid) -> Shaped[np.ndarray, "R C ..."]:
     """Return the real ones of padded values in the shape of the grid."""
     rows, columns = units.shape[:2]
     return np.asarray(values)[: rows * columns].reshape(rows, columns, *values.shape[1:])
 
 
 def _pad(
-    units: Float[np.ndarray, "R C 3"], tiles: Tiles, goal: int, is_movable: Bool[np.ndarray, "R C"] | None
+    units: Grid, tiles: Tiles, goal: int, is_movable: Bool[np.ndarray, "R C"] | None
 ) -> tuple[Float[np.ndarray, "capacity 3"], Int[np.ndarray, "T K"], Bool[np.ndarray, " capacity"]]:
     """Return the units, row after row, every tile's candidates, and which units may move.
 

@@ -7,13 +7,16 @@ from scipy.spatial import cKDTree
 from reconstruction._src.geometry.rows import Faces, Vertices, compute_lengths, cross_rows, sum_rows
 from reconstruction._src.surfaces.unfolding import unfold_faces
 
+Grid = Float[np.ndarray, "R C 3"]  # Reference vectors
+Cells = Int[np.ndarray, "P Q"]  # Numbers
+
 MAX_UNFOLDINGS = 6
 """Passes that take folds out; few folds need more than two, and the rest is taken out as triangles."""
 MAX_SPLITS = 4
 """Moved units may split cells across other diagonals; the result is tested again at most this many times."""
 
 
-def triangulate(units: Float[np.ndarray, "R C 3"], has_face: Bool[np.ndarray, "R-1 C-1"]) -> Faces:
+def triangulate(units: Grid, has_face: Bool[np.ndarray, "R-1 C-1"]) -> Faces:
     """Split every cell into two triangles, across the diagonal that gives the better worse triangle."""
     rows, columns = units.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -28,7 +31,7 @@ def triangulate(units: Float[np.ndarray, "R C 3"], has_face: Bool[np.ndarray, "R
     return np.stack([first, second], axis=2)[has_face].reshape(-1, 3)
 
 
-def cell_normals(units: Float[np.ndarray, "R C 3"]) -> Float[np.ndarray, "R-1 C-1 3"]:
+def cell_normals(units: Grid) -> Float[np.ndarray, "R-1 C-1 3"]:
     """Return a unit normal for every cell, the mean over the 3 x 3 cells around it."""
     across = cross_rows(units[1:, 1:] - units[:-1, :-1], units[:-1, 1:] - units[1:, :-1])
     wide = np.pad(across, ((1, 1), (0, 0), (0, 0)))
@@ -38,10 +41,8 @@ def cell_normals(units: Float[np.ndarray, "R C 3"]) -> Float[np.ndarray, "R-1 C-
 
 
 def unfold(
-    units: Float[np.ndarray, "R C 3"],
-    is_movable: Bool[np.ndarray, "R C"] | None = None,
-    iterations: int = MAX_UNFOLDINGS,
-) -> Float[np.ndarray, "R C 3"]:
+    units: Grid, is_movable: Bool[np.ndarray, "R C"] | None = None, iterations: int = MAX_UNFOLDINGS
+) -> Grid:
     """Move interior units whose cells turn over to the mean of their four neighbors, until none does."""
     units = units.copy()
     for _ in range(iterations):
@@ -56,10 +57,8 @@ def unfold(
 
 
 def untangle_sheet(
-    units: Float[np.ndarray, "R C 3"],
-    has_face: Bool[np.ndarray, "R-1 C-1"],
-    is_movable: Bool[np.ndarray, "R C"] | None = None,
-) -> Float[np.ndarray, "R C 3"]:
+    units: Grid, has_face: Bool[np.ndarray, "R-1 C-1"], is_movable: Bool[np.ndarray, "R C"] | None = None
+) -> Grid:
     """Return the units, moved where the triangles of the sheet are folded or intersect."""
     for _ in range(MAX_SPLITS):
         vertices, faces = units.reshape(-1, 3), triangulate(units, has_face)
@@ -70,7 +69,7 @@ def untangle_sheet(
     return units
 
 
-def find_folded(units: Float[np.ndarray, "R C 3"]) -> Bool[np.ndarray, "R C"]:
+def find_folded(units: Grid) -> Bool[np.ndarray, "R C"]:
     """Return which units have a corner that turns against the surface around it."""
     rows, columns = units.shape[:2]
     normal = cell_normals(units)
@@ -84,11 +83,7 @@ def find_folded(units: Float[np.ndarray, "R C 3"]) -> Bool[np.ndarray, "R C"]:
 
 
 def _shape(
-    vertices: Vertices,
-    i: Int[np.ndarray, "P Q"],
-    j: Int[np.ndarray, "P Q"],
-    k: Int[np.ndarray, "P Q"],
-    normal: Float[np.ndarray, "P Q 3"],
+    vertices: Vertices, i: Cells, j: Cells, k: Cells, normal: Float[np.ndarray, "P Q 3"]
 ) -> Float[np.ndarray, "P Q"]:
     """Return twice the area over the longest side squared, negative where the triangle is turned over."""
     p, q, r = vertices[i], vertices[j], vertices[k]
@@ -107,7 +102,7 @@ _MAX_VOID = 0.5  # A cell of which a larger share lies far from all points is no
 _NUM_NEAR = 10  # Neighbors in the ball that measures the spacing of the points
 
 
-def find_covered_cells(units: Float[np.ndarray, "R C 3"], tree: cKDTree) -> Bool[np.ndarray, "R-1 C-1"]:
+def find_covered_cells(units: Grid, tree: cKDTree) -> Bool[np.ndarray, "R-1 C-1"]:
     """Return which cells belong to the surface: not those drawn out over a hole without points, given their tree."""
     down = compute_lengths(np.diff(units, axis=0))
     across = compute_lengths(np.diff(units, axis=1))

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.geometry.rows import Points
 from reconstruction._src.networks.growing_grid.growth import Insertion, choose_line_pair, insert_lines
+from reconstruction._src.networks.growing_grid.mesh import Grid
 from reconstruction._src.networks.som.compilation import padded_length
 
 _SIGMA = 0.9  # Width of the neighborhood on the L1 distance in the grid (Fritzke's sigma)
@@ -34,7 +35,7 @@ def train(
     insertion: Insertion,
     rng: np.random.Generator,
     progress: Progress,
-) -> Float[np.ndarray, "R C 3"]:
+) -> Grid:
     """Grow a grid of 2 x 2 units over the points, then fine-tune it; return it in float32."""
     units = points[rng.choice(len(points), 4, replace=False)].reshape(2, 2, 3)
     while not _is_complete(units, wanted, triangles):
@@ -48,7 +49,7 @@ def train(
     return _present(points, units, _FINE_SIGNALS_PER_UNIT * number, _RATE, _FINAL_RATE, rng)[0]
 
 
-def _is_complete(units: Float[np.ndarray, "R C 3"], wanted: int, triangles: int | None) -> bool:
+def _is_complete(units: Grid, wanted: int, triangles: int | None) -> bool:
     rows, columns = units.shape[:2]
     if triangles is not None:
         return 2 * (rows - 1) * (columns - 1) >= triangles
@@ -56,13 +57,8 @@ def _is_complete(units: Float[np.ndarray, "R C 3"], wanted: int, triangles: int 
 
 
 def _present(
-    points: Points,
-    units: Float[np.ndarray, "R C 3"],
-    num_signals: int,
-    rate: float,
-    final_rate: float,
-    rng: np.random.Generator,
-) -> tuple[Float[np.ndarray, "R C 3"], Int[np.ndarray, "R C"]]:
+    points: Points, units: Grid, num_signals: int, rate: float, final_rate: float, rng: np.random.Generator
+) -> tuple[Grid, Int[np.ndarray, "R C"]]:
     """Present signals one after the other; the rate falls geometrically: units and how often each won."""
     rows, columns = units.shape[:2]
     shape = [padded_length(n, _MIN_SIDE) + 2 * _REACH for n in (rows, columns)]

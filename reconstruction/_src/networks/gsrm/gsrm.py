@@ -24,8 +24,8 @@ from reconstruction._src.geometry.manifold import widen
 from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, sum_rows
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
 from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
-from reconstruction._src.networks.gsrm.support import make_support
-from reconstruction._src.networks.gsrm.topology import Units, learn_faces
+from reconstruction._src.networks.gsrm.support import Units, make_support
+from reconstruction._src.networks.gsrm.topology import learn_faces
 from reconstruction._src.networks.som.density import Density, measure_density
 from reconstruction._src.networks.som.winners import Tiles, make_tiles, search_all
 from reconstruction._src.networks.surface_fit import fit_surface

@@ -20,7 +20,7 @@ from reconstruction._src.geometry.manifold import (
     group_sides,
 )
 from reconstruction._src.geometry.rows import Faces, compute_lengths, cross_rows, sum_rows
-from reconstruction._src.networks.gsrm.support import MAX_VOID, Support
+from reconstruction._src.networks.gsrm.support import MAX_VOID, Support, Units
 
 _MAX_HOLE_EDGES = 24  # Longer boundary loops are the boundary of the surface, not holes
 _MAX_TIP_EDGES = 64  # Longer loops are not tested for sharp tips and ridges
@@ -37,7 +37,7 @@ covered."""
 
 
 def patch_holes(
-    units: Float[np.ndarray, "U 3"], faces: Faces, support: Support
+    units: Units, faces: Faces, support: Support
 ) -> tuple[Int[np.ndarray, "G 3"], Int[np.ndarray, " D"]]:
     """Triangulate short boundary loops that lie where there are samples; return what is in the way of the others."""
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= _MAX_HOLE_EDGES)
@@ -61,7 +61,7 @@ def patch_holes(
     return patched, _find_obstacles(faces, blocked)
 
 
-def close_tips(units: Float[np.ndarray, "U 3"], faces: Faces, support: Support) -> Int[np.ndarray, "G 3"]:
+def close_tips(units: Units, faces: Faces, support: Support) -> Int[np.ndarray, "G 3"]:
     """Close what is left of longer holes, and of sharp tips and ridges, whose two sides face apart."""
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= _MAX_TIP_EDGES)
     if not loops:
@@ -82,9 +82,7 @@ def close_tips(units: Float[np.ndarray, "U 3"], faces: Faces, support: Support) 
     return np.concatenate([faces, *added])
 
 
-def _is_second_layer(
-    units: Float[np.ndarray, "U 3"], faces: Faces, loop: list[int], patch: Int[np.ndarray, "P 3"]
-) -> bool:
+def _is_second_layer(units: Units, faces: Faces, loop: list[int], patch: Int[np.ndarray, "P 3"]) -> bool:
     """Return whether more than a share of a patch's faces is folded back onto the surface next to its loop."""
     adjacent = faces[np.isin(faces, loop).sum(axis=1) >= 2]
     around = np.concatenate([adjacent, patch])
@@ -169,9 +167,7 @@ def _triangulate(
     return faces
 
 
-def _rate_triangles(
-    loops: list[list[int]], units: Float[np.ndarray, "U 3"], normals: Float[np.ndarray, "U 3"]
-) -> list:
+def _rate_triangles(loops: list[list[int]], units: Units, normals: Units) -> list:
     """Return for every loop the cost of the triangles between its n corners, `[n, n, n]`.
 
     A triangle costs the cosine of its smallest angle, and a constant more where it lies against the normals

@@ -7,6 +7,8 @@ from scipy.spatial import cKDTree
 from reconstruction._src.geometry.rows import compute_lengths, cross_rows
 from reconstruction._src.networks.gsrm.growth import Level
 
+Units = Float[np.ndarray, "U 3"]  # Reference vectors
+
 _TOPOLOGY_GAP = 2.0
 """A place farther than this from all samples is void, that is, no surface was seen there: a hole wider than
 four spacings. Lower, and gaps of uneven sampling become holes; higher, and small holes of the surface are
@@ -73,7 +75,7 @@ class Support:
         return int(((share >= 0).all(axis=0) & (share.sum(axis=0) <= 1)).sum())
 
 
-def make_support(level: Level, units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "T S"]) -> Support:
+def make_support(level: Level, units: Units, winners: Int[np.ndarray, "T S"]) -> Support:
     """Prepare the samples of a level for queries; outliers support nothing.
 
     Where units win few samples each, the scan lines are about as far apart as the units: there a gap of two

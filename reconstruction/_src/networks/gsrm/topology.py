@@ -23,9 +23,8 @@ from reconstruction._src.geometry.manifold import (
 from reconstruction._src.geometry.orientation import compute_components
 from reconstruction._src.geometry.rows import Faces, compute_lengths, sum_rows
 from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
-from reconstruction._src.networks.gsrm.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
+from reconstruction._src.networks.gsrm.support import MAX_VOID, NUM_NEIGHBORS, Support, Units, find_sparse
 
-Units = Float[np.ndarray, "U 3"]  # Reference vectors
 Keys = Int[np.ndarray, " K"]  # Triples of units, each as one number
 
 _RIM_NEIGHBORS = 24  # Likewise `NUM_NEIGHBORS`, at the boundary (the rim) of a component, between components

@@ -6,7 +6,7 @@ They stand on the ground of an arena: on planes below their tracks, between slop
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError, OptionError
@@ -24,7 +24,9 @@ from symbrion_gym._src.swarm.kinematic.motion import (
     GRIP,
     STAY,
     TURN,
+    Numbers,
     Poses,
+    Vectors,
     avoid_overlaps,
     choose_roots,
     find_layout,
@@ -60,7 +62,7 @@ _SPOKES = np.column_stack([_make_circle(_NUM_SPOKES), np.zeros(_NUM_SPOKES)])
 class GroundFit(NamedTuple):
     """How robots stand; the last four are what may be too much."""
 
-    normal: Float[np.ndarray, "N 3"]  # of the plane below the group of each robot
+    normal: Vectors  # of the plane below the group of each robot
     height: Float[np.ndarray, " N"]  # of the center of its group's root, where it stands on that plane [m]
     slope: Float[np.ndarray, " N"]  # of the plane below the tracks of each robot alone [rad]
     step: Float[np.ndarray, " N"]  # largest height of the rim of the chassis above or below that plane [m]
@@ -69,11 +71,7 @@ class GroundFit(NamedTuple):
 
 
 def fit_ground(
-    arena: Arena,
-    sight: Sight,
-    position: Float[np.ndarray, "N 3"],
-    rotation: Float[np.ndarray, "N 3 3"],
-    groups: Int[np.ndarray, " N"],
+    arena: Arena, sight: Sight, position: Vectors, rotation: Float[np.ndarray, "N 3 3"], groups: Numbers
 ) -> GroundFit:
     """Return how robots stand about where they are.
 
@@ -104,9 +102,7 @@ def fit_ground(
     )
 
 
-def _find_walls(
-    sight: Sight, center: Float[np.ndarray, "N 3"], normal: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, " N"]:
+def _find_walls(sight: Sight, center: Vectors, normal: Vectors) -> Float[np.ndarray, " N"]:
     """Return how far the surface reaches into the disc about each center, across the normal [m]."""
     wall, center = np.zeros(len(center)), np.nan_to_num(center)
     flat = np.nan_to_num(normal, nan=0.0)
@@ -122,8 +118,8 @@ def _find_walls(
 
 
 def _fit_planes(
-    places: Float[np.ndarray, "N P 2"], heights: Float[np.ndarray, "N P"], groups: Int[np.ndarray, " N"]
-) -> Float[np.ndarray, "N 3"]:
+    places: Float[np.ndarray, "N P 2"], heights: Float[np.ndarray, "N P"], groups: Numbers
+) -> Vectors:
     """Return rise along x, rise along y and height at 0 of the least-squares plane of each robot's group; nan: none."""
     known = np.isfinite(heights)
     x, y, z = (np.where(known, values, 0.0) for values in (places[..., 0], places[..., 1], heights))
@@ -181,7 +177,7 @@ class KinematicWorld:
         self._rng = np.random.default_rng(0)
         self._roots = np.arange(num_robots)  # Whose pose leads the group of each robot
 
-    def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
+    def reset(self, poses: Vectors, seed: int = 0) -> None:
         """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad]; the seed is of their slip."""
         poses, count = np.asarray(poses, dtype=np.float64), self.num_robots
         if poses.shape != (count, 3) or not np.isfinite(poses).all():
@@ -283,7 +279,7 @@ class KinematicWorld:
         turned = Poses(old.position, make_rotations(old.rotation[:, :, 2], old.heading + turn), hinge)
         return full, turned, fit
 
-    def _mate(self, layout: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+    def _mate(self, layout: Vectors) -> Vectors:
         """Return a layout that is nearer to that of the exact docked poses."""
         share = DECISION / max(self._mated_at - self.time, DECISION)
         off = self._nominal - layout
@@ -293,12 +289,10 @@ class KinematicWorld:
         shares = share * np.minimum(1.0, _MOST_PULL / np.maximum(longest, _MOST_PULL))[self._roots]
         return layout + shares[:, None] * off
 
-    def _fit_ground(
-        self, position: Float[np.ndarray, "N 3"], rotation: Float[np.ndarray, "N 3 3"]
-    ) -> GroundFit:
+    def _fit_ground(self, position: Vectors, rotation: Float[np.ndarray, "N 3 3"]) -> GroundFit:
         return fit_ground(self.arena, self.sight, position, rotation, self._roots)
 
-    def _ask_ground(self, fit: GroundFit) -> Int[np.ndarray, " N"]:
+    def _ask_ground(self, fit: GroundFit) -> Numbers:
         """Return what of its motion the ground allows each robot; what got no worse is allowed."""
         is_bad = ~np.isfinite(fit.height) | ~np.isfinite(fit.slope)
         for now, before, limit in zip(fit[2:], self._fit[2:], _LIMITS, strict=True):
@@ -306,7 +300,7 @@ class KinematicWorld:
         level = np.where(is_bad, np.where(find_members(self.groups), STAY, TURN), FULL)
         return spread_level(level, self.groups)
 
-    def _check_ground(self, poses: Float[np.ndarray, "N 3"], fit: GroundFit) -> None:
+    def _check_ground(self, poses: Vectors, fit: GroundFit) -> None:
         """Refuse places on which a robot cannot stand."""
         for robot, (x, y, _) in enumerate(poses):
             slope, step, unknown, wall = (values[robot] for values in fit[2:])
