@@ -24,12 +24,10 @@ from reconstruction._src.base.range_checks import check_choice
 from reconstruction._src.tiles.workers import Job as TileJob
 from reconstruction._src.tiles.workers import RunJobs, Work
 
-_CONNECT_TIMEOUT = (
-    10.0  # How long the head of a cluster may take to answer [s]; Ray itself would try for minutes
-)
-_FIRST_START_TIMEOUT = (
-    120.0  # How long the first worker may take to start [s]; it imports everything on a new node
-)
+_CONNECT_TIMEOUT = 10.0
+"""How long the head of a cluster may take to answer [s]; Ray itself would try for minutes."""
+_FIRST_START_TIMEOUT = 120.0
+"""How long the first worker may take to start [s]; it imports everything on a new node."""
 _START_TIMEOUT = 15.0
 """How much longer the other workers may take [s]; the next generation tries again to start those that were late."""
 Handle = Any

@@ -65,9 +65,8 @@ _APART = 0.8
 """Objects are farther apart than this share of the sum of their inner radii: two cannot be at one place."""
 
 _SAMPLING = 0.07  # Distance of the points of the object in the matching, as a share of its diameter
-_TRAINED = (
-    600  # Points of the object with which the detector is trained at most: its time grows with their square
-)
+_TRAINED = 600
+"""Points of the object with which the detector is trained at most: its time grows with their square."""
 _THINNING = 1.25  # Points of a region are farther apart than the samples of the object by this factor
 _MAX_POINTS = 150  # More points of a region are not matched: the time grows with their square
 _SCENE_STEP = 1.0 / 4.0  # Every fourth point of the region votes for poses

@@ -16,9 +16,8 @@ MARGIN = 0.03
 something larger."""
 _POSE_ERROR = 0.003
 """What a fitted pose may be off along a normal [m]; at a grazing angle it shows the more in the range."""
-_MIN_COSINE = (
-    0.25  # Beams that meet the surface at a smaller cosine are treated as if they met it at this one
-)
+_MIN_COSINE = 0.25
+"""Beams that meet the surface at a smaller cosine are treated as if they met it at this one."""
 _PART = 0.25  # Deviations are averaged over parts of the object of this share of its radius
 
 

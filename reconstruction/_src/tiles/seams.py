@@ -13,9 +13,8 @@ from reconstruction._src.tiles.point_stream import Place, TilesConfig
 _ON_BORDER = 1e-9  # A vertex this near to a border lies on it [m]
 _LEAST_SQUARE = 1e-30  # Squared length of an edge without length [m²]
 _STEEP = 4.0  # Beyond 76 degrees, curves that are a little apart in plan are far apart in height
-_MAX_GAP = (
-    0.5  # Surfaces of two tiles farther apart than this share of the halo are roof and ground, not joined
-)
+_MAX_GAP = 0.5
+"""Surfaces of two tiles farther apart than this share of the halo are roof and ground, not joined."""
 
 
 class Surface(NamedTuple):

@@ -39,9 +39,8 @@ _THICKNESS = 0.03
 """Of the solid where nothing lies behind the surface [m]: more than a robot sinks in during a few steps; beams that
 pass a boundary of the surface meet the sides of thicker ones."""
 _LARGEST_SHARE = 0.05  # A solid is no thicker than this share of the extent of the surface
-_NEAR_SHARE = (
-    0.9  # Of the distance to whatever surface lies behind, where that is nearer: a thin wall stays one
-)
+_NEAR_SHARE = 0.9
+"""Of the distance to whatever surface lies behind, where that is nearer: a thin wall stays one."""
 _LEAST_THICKNESS = 0.004  # Thinner solids are flat to a simulator [m]
 _TWO_SIDED = 0.01
 """Thickness of the solid behind faces that were seen from behind, too [m]: a sheet that stands for both sides of a thin
@@ -52,9 +51,8 @@ _MIN_COSINE = 0.3
 this cosine, each face has inner vertices of its own."""
 _LEAST_DIRECTION = 0.5  # Unit vectors are longer; the normal of a flat face is not
 _THICK = 1e-8  # A solid with an area times depth of more has a volume in single precision, too [m³]
-_FLAT_VOLUME = (
-    1e-10  # A solid with less after rounding to single precision, as MuJoCo stores it, is flat [m³]
-)
+_FLAT_VOLUME = 1e-10
+"""A solid with less after rounding to single precision, as MuJoCo stores it, is flat [m³]."""
 
 
 def thicken_patches(

@@ -22,9 +22,8 @@ _FEWEST_VERTICES = 4  # MuJoCo takes no mesh of fewer, such as one triangle
 _LEAST_AREA = 1e-12  # Triangles with less are no shape [m²]; a ray hits their neighbors
 _SPACING = 0.01  # Distance of vertical lines [m]
 _MAX_RAYS = 400_000  # They are farther apart where there would be more: bounds time and memory
-_MARGIN = (
-    0.02  # Ground that rises by twice as much within this distance is a step, beside which nothing counts [m]
-)
+_MARGIN = 0.02
+"""Ground that rises by twice as much within this distance is a step, beside which nothing counts [m]."""
 _ROUNDING = 1e-6  # Keeps a radius of a whole number of cells from becoming one more [cells]
 
 _DISTANCES = (

@@ -30,9 +30,8 @@ Keys = Int[np.ndarray, " K"]  # Triples of units, each as one number
 _RIM_NEIGHBORS = 24  # Likewise `NUM_NEIGHBORS`, at the boundary (the rim) of a component, between components
 _MIN_COMPONENT = 6  # Components of fewer faces are debris, where another is `_DEBRIS_RATIO` times as large
 _DEBRIS_RATIO = 50  # See `_MIN_COMPONENT`
-_MAX_REPAIRS = (
-    6  # Rounds in which faces around a hole that cannot be closed are removed to close a larger one
-)
+_MAX_REPAIRS = 6
+"""Rounds in which faces around a hole that cannot be closed are removed to close a larger one."""
 _EMPTINESS_SLACK = 1e-5  # Share of the squared radius by which float32 may misplace a neighbor on the ball
 _FLATNESS = 1e-10
 """A face whose squared area is a smaller share of its squared sides has no circumscribed circle in float64."""

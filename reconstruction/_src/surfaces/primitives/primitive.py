@@ -11,9 +11,8 @@ from reconstruction._src.geometry.rows import all_rows, any_rows, compute_length
 Corners = Float[np.ndarray, "F 3 3"]  # Of triangles [m]
 
 _LEAST_AREA = 1e-10  # Cut triangles with less area are left out [m²]
-_MARGIN = (
-    0.003  # Triangles reach below the rim of a rectangle by this much [m], so that no beam slips through
-)
+_MARGIN = 0.003
+"""Triangles reach below the rim of a rectangle by this much [m], so that no beam slips through."""
 
 
 class Primitive(NamedTuple):

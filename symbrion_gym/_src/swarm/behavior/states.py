@@ -46,9 +46,8 @@ LEAVE_GAP = 0.06  # ... and so much farther for each that comes behind it [m].
 LEAVE_TIME = 60.0  # And so long at most [s]
 STALL_TIME = 12.0  # A robot that comes no nearer to its beacon for so long backs off, turning [s] ...
 STALL_TURN = 0.4  # ... at this rate [rad/s].
-KEEP_CLEAR = (
-    1.2  # A robot that waits for another to dock leaves the way to the beacon, up to this distance [m] ..
-)
+KEEP_CLEAR = 1.2
+"""A robot that waits for another to dock leaves the way to the beacon, up to this distance [m] .."""
 WAY = 0.7  # ... and within this angle from its axis [rad].
 APART = 0.45  # And it stays so far from the beacon on all sides [m]
 IN_VAIN = 5.0  # A robot that asks for so long while nobody is accepted is not heard, and draws nearer [s] ..
