@@ -49,7 +49,7 @@ from benchmarks.material.physics_worlds import World
 from benchmarks.report import Results
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.robot.belts import compute_load_gain, compute_sliding_rate
-from symbrion_gym._src.robot.tracks import CONTACT_TIME, compute_friction_stiffness
+from symbrion_gym._src.robot.scout import CONTACT_TIME, compute_friction_stiffness
 
 FRICTIONS = (0.3, 0.5, 0.7, 0.9)
 TORQUES = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 8.0)

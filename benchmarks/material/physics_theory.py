@@ -16,8 +16,8 @@ from scipy.optimize import linprog
 
 from benchmarks.material.physics_worlds import GRAVITY
 from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.robot.scout import find_road_wheels
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
-from symbrion_gym._src.robot.tracks import find_road_wheels
 
 _LEVEL = 1e-4
 """Wheels whose lowest points differ in height by less all stand on flat ground [m]."""

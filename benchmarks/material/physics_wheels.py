@@ -10,8 +10,8 @@ from benchmarks.material.physics_theory import find_feet, find_largest, find_mas
 from benchmarks.material.physics_worlds import GRAVITY
 from symbrion_gym._src.robot.belts import Contacts
 from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.robot.scout import MIDDLE_RISE
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import MIDDLE_RISE
 
 _MIDDLE = 1e-6  # A wheel closer to the middle of its track is the middle one [m]
 _STILL = 1e-6

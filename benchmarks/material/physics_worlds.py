@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym._src.robot.organism import Organism, snake
+from symbrion_gym._src.robot.scout import compute_friction_stiffness
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import compute_friction_stiffness
 
 GRAVITY = 9.81
 """[m/s²]."""

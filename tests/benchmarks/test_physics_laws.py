@@ -19,7 +19,7 @@ from benchmarks.material.physics_worlds import GRAVITY, Bench, World
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.robot.belts import compute_load_gain, compute_sliding_rate
-from symbrion_gym._src.robot.tracks import CONTACT_TIME, compute_friction_stiffness
+from symbrion_gym._src.robot.scout import CONTACT_TIME, compute_friction_stiffness
 
 FEET = np.array([(x, y) for x in (0.0325, 0.0, -0.0325) for y in (0.0325, -0.0325)])
 

@@ -32,15 +32,18 @@ from symbrion_gym._src.contact.patches import thicken_patches
 from symbrion_gym._src.contact.planes import find_planes, share_planes
 from symbrion_gym._src.contact.reach import Reach
 from symbrion_gym._src.contact.seams import clear_hidden_edges, close_seams
-from symbrion_gym._src.contact.shape import Shape, close_holes, find_shape, take_top
 from symbrion_gym._src.contact.simplification import (
     GROWTH,
+    Shape,
+    close_holes,
+    find_shape,
     is_drawn,
     list_counts,
     select_simple,
     simplify_surface,
     snap_to_planes,
     split_long_edges,
+    take_top,
 )
 from symbrion_gym._src.contact.slabs import make_slabs
 from symbrion_gym._src.errors import ArenaError

@@ -12,8 +12,8 @@ from jaxtyping import Float, Int
 
 from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.robot.organism import MEASURED, Organism
+from symbrion_gym._src.robot.scout import find_road_wheels
 from symbrion_gym._src.robot.scout_constants import SensorNoise
-from symbrion_gym._src.robot.tracks import find_road_wheels
 from symbrion_gym._src.tasks.reach import ReachPlaces
 from symbrion_gym._src.tasks.state import add_up
 

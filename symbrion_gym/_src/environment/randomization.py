@@ -10,7 +10,7 @@ from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.environment.config import RANDOM_OPTIONS, read_random_range
 from symbrion_gym._src.environment.world import World
 from symbrion_gym._src.errors import OptionError
-from symbrion_gym._src.robot.tracks import compute_surface_velocity
+from symbrion_gym._src.robot.scout import compute_surface_velocity
 
 VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
 """Fields of the model that differ between simulations."""

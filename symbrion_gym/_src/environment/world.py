@@ -31,8 +31,8 @@ from symbrion_gym._src.environment.rendering import add_scene
 from symbrion_gym._src.errors import ArenaError, OrganismError
 from symbrion_gym._src.robot.body_plans import load_organism
 from symbrion_gym._src.robot.organism import Organism, add_sensors
+from symbrion_gym._src.robot.scout import find_road_wheels, set_physics
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import find_road_wheels, set_physics
 from symbrion_gym._src.tasks.state import Scene
 
 logger = logging.getLogger(__name__)

@@ -19,8 +19,8 @@ from reconstruction._src.scans.slip_readings import SlipReadings
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.robot.organism import add_sensors, snake
+from symbrion_gym._src.robot.scout import find_road_wheels, set_physics
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.robot.tracks import find_road_wheels, set_physics
 
 _MODULES = 3  # Length of the snake; two pull, so that one that drags does not stop them on level ground
 _SPEED = 0.12  # Of the tracks [m/s] (estimates of the Scout's: 0.06 to 0.15)

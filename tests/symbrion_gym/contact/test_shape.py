@@ -8,7 +8,7 @@ from scanned_surface import cut_irregular, make_scanned_surface
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.mesh_repair import repair_mesh
 from symbrion_gym._src.arenas.course import Course
-from symbrion_gym._src.contact.shape import close_holes, find_shape, take_top
+from symbrion_gym._src.contact.simplification import close_holes, find_shape, take_top
 
 BLOCK = trimesh.creation.box([2.0, 1.0, 0.2])
 

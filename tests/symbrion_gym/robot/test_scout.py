@@ -6,9 +6,15 @@ import pytest
 
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import snake
-from symbrion_gym._src.robot.scout import _load_look, find_scout_rays, make_scout
+from symbrion_gym._src.robot.scout import (
+    MIDDLE_RISE,
+    _load_look,
+    find_road_wheels,
+    find_scout_rays,
+    make_scout,
+    set_physics,
+)
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.robot.tracks import MIDDLE_RISE, find_road_wheels, set_physics
 from tools.scout_look import make_scout_look
 
 

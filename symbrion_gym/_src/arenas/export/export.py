@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.arenas.export.formats import FORMATS, Content, make_content
-from symbrion_gym._src.arenas.owned_files import (
+from symbrion_gym._src.arenas.placed_objects import describe_objects
+from symbrion_gym._src.arenas.saving import (
     FileOwner,
     format_arrays,
     format_json,
@@ -19,7 +20,6 @@ from symbrion_gym._src.arenas.owned_files import (
     write_file,
     write_json,
 )
-from symbrion_gym._src.arenas.placed_objects import describe_objects
 from symbrion_gym._src.arenas.spec import ArenaGeometry
 from symbrion_gym._src.errors import ArenaError
 

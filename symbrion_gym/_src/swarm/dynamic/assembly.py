@@ -11,9 +11,8 @@ from jaxtyping import Int
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.robot.organism import Docking, Organism
-from symbrion_gym._src.robot.scout import make_scout
+from symbrion_gym._src.robot.scout import find_road_wheels, make_scout, set_physics
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym._src.robot.tracks import find_road_wheels, set_physics
 from symbrion_gym._src.swarm.docks import SCOUT, find_groups, make_organism, sort_links
 from symbrion_gym._src.swarm.world import FRONT
 

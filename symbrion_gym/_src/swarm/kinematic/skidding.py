@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.interpolate import RegularGridInterpolator
 
+from symbrion_gym._src.robot.scout import find_road_wheels
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS
-from symbrion_gym._src.robot.tracks import find_road_wheels
 from symbrion_gym._src.swarm.docks import SCOUT
 
 Vectors = Float[np.ndarray, "N 3"]  # Of each robot
