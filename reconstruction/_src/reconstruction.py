@@ -52,6 +52,11 @@ class Reconstruction:
         config: the network's configuration.
         state: the network itself, plain arrays.
         cloud: the points that it was grown over, with their colors and viewpoints.
+        points: `[N, 3]` those points [m].
+        viewpoints: `[K, 3]` positions of the sensor [m], or None.
+        seen_from: `[N]` index of the viewpoint of every point, or None.
+        colors: `[N, 3]` red, green and blue of every point, or None.
+        offset: `[3]` what was subtracted from the coordinates given [m].
         readings: all points of the scan, also those that pre-processing dropped; `cloud` where they were not given.
         mesh: the surface; consistently wound, each component looks to where it was seen from; without viewpoints up,
             or outwards where it is closed. Of colored points it has vertex colors.
@@ -75,6 +80,8 @@ class Reconstruction:
         self.config = config
         self.state = state
         self.cloud = cloud
+        self.points, self.viewpoints, self.seen_from = cloud.points, cloud.viewpoints, cloud.seen_from
+        self.colors, self.offset = cloud.colors, cloud.offset
         self.readings = cloud if readings is None else readings
         self.notes = dict(notes or {})
         self.slip = slip
@@ -101,26 +108,6 @@ class Reconstruction:
         return None if self.readings is self.cloud else measure_dropped(self.readings.points, self.points)
 
     @property
-    def points(self) -> Float[np.ndarray, "N 3"]:
-        """The points that it was grown over [m]."""
-        return self.cloud.points
-
-    @property
-    def viewpoints(self) -> Float[np.ndarray, "K 3"] | None:
-        """Positions of the sensor [m], or None."""
-        return self.cloud.viewpoints
-
-    @property
-    def seen_from(self) -> Int[np.ndarray, " N"] | None:
-        """Index of the viewpoint of every point, or None."""
-        return self.cloud.seen_from
-
-    @property
-    def colors(self) -> UInt8[np.ndarray, "N 3"] | None:
-        """Red, green and blue of every point, or None."""
-        return self.cloud.colors
-
-    @property
     def vertex_colors(self) -> UInt8[np.ndarray, "V 3"] | None:
         """Red, green and blue of every vertex of the mesh, or None where the points have no colors."""
         from reconstruction._src.surfaces.color import find_vertex_colors
@@ -131,11 +118,6 @@ class Reconstruction:
     def colored_readings(self) -> Cloud | None:
         """All readings with colors, else the points that it was grown over with theirs; None where neither has any."""
         return next((cloud for cloud in (self.readings, self.cloud) if cloud.colors is not None), None)
-
-    @property
-    def offset(self) -> Float[np.ndarray, " 3"]:
-        """What was subtracted from the coordinates given [m]."""
-        return self.cloud.offset
 
     def quality(self, truth: trimesh.Trimesh | None = None) -> Quality:
         """Measure the mesh against all readings, and against the true surface where it is known.

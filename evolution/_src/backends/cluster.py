@@ -5,7 +5,7 @@ import os
 import socket
 import sys
 from collections.abc import Iterator, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from evolution._src.backends.pool import (
     BatchBackend,
@@ -175,18 +175,7 @@ EXACT_BACKENDS = ("batch", "processes", "ray")  # Their results are bit-identica
 BACKENDS = (*EXACT_BACKENDS, "warp")
 """The last one is a GPU in single precision, whose results are equal in distribution only."""
 LOCAL_BACKENDS = ("batch", "warp")  # They run in this process
-
-
-class Backend(Protocol):
-    """Runs jobs on its workers."""
-
-    def run(self, jobs: Sequence[Job]) -> list[Outcome]:
-        """Return one outcome for each job, in order."""
-        ...
-
-    def close(self) -> None:
-        """Stop the workers."""
-        ...
+Backend = BatchBackend | WorkerPool[Any]  # Runs jobs on its workers, which `close` stops
 
 
 def make_backend(

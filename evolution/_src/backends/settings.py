@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self, get_type_hints
 import numpy as np
 
 from evolution._src.backends.scoring import Scoring, check_descriptors
-from evolution._src.controllers.finding import ControllerSource, controller_to_json, find_controller
+from evolution._src.controllers.finding import ControllerSource, controller_to_json, find_controller, freeze
 from evolution._src.controllers.joints import count_tracks
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
@@ -114,7 +114,7 @@ class EpisodeConfig(metaclass=_TakesOptions):
         """Return options of the environment as sorted pairs, lists in them as tuples."""
         given = self.environment
         pairs = given.items() if isinstance(given, Mapping) else given
-        found = tuple(sorted((str(name), _freeze(value)) for name, value in pairs))
+        found = tuple(sorted((str(name), freeze(value)) for name, value in pairs))
         for name, value in found:
             if name in _OWN_FIELDS:
                 raise RunError(
@@ -418,10 +418,6 @@ def _as_point(name: str, values: Any) -> Point:
     if len(point) not in (2, 3):
         raise RunError(f"{name} is {values!r}; (x, y) or (x, y, z) in meters is needed")
     return point
-
-
-def _freeze(value: Any) -> Any:
-    return tuple(map(_freeze, value)) if isinstance(value, list | tuple) else value
 
 
 def _check_task(task: Any) -> Any:

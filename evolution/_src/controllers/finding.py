@@ -36,7 +36,7 @@ class ControllerSource:
     is_allowed: bool = field(default=True, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "arguments", _freeze(self.arguments))
+        object.__setattr__(self, "arguments", freeze(self.arguments))
 
     def make(self, organism: Organism, num_tracks: int) -> Any:
         """Return the controller for a body."""
@@ -165,7 +165,7 @@ def _find_source(spec: Any, name: str, version: str) -> ControllerSource:
                 return ControllerSource(name, version, find_name(spec, key))
         if is_dataclass(spec):
             given = [each.name for each in fields(spec) if each.init]
-            arguments = tuple((each, _freeze(getattr(spec, each))) for each in given)
+            arguments = tuple((each, freeze(getattr(spec, each))) for each in given)
             if _is_plain(arguments):
                 return ControllerSource(name, version, find_name(type(spec)), arguments)
     raise RunError(
@@ -200,8 +200,9 @@ def _is_controller(found: Any) -> bool:
     return not isinstance(found, type) and hasattr(found, "act")
 
 
-def _freeze(value: Any) -> Any:
-    return tuple(map(_freeze, value)) if isinstance(value, list | tuple) else value
+def freeze(value: Any) -> Any:
+    """Return lists, at any depth, as tuples."""
+    return tuple(map(freeze, value)) if isinstance(value, list | tuple) else value
 
 
 def _is_plain(value: Any) -> bool:

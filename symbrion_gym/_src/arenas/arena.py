@@ -276,18 +276,15 @@ class Arena:
             "provenance": self.provenance,
             "offset": list(self.offset),
         }
-        if self.texture is not None:
-            about["has_texture"] = True
-        if self.course is not None:
-            about["course"] = self.course.as_dict()
-        if self.friction_map is not None:
-            about["friction_map"] = self.friction_map.as_dict()
-        if self.primitives is not None:
-            about["primitives"] = primitives_to_dict(self.primitives)
-        if self.objects:
-            about["objects"] = [each.as_dict() for each in self.objects]
-        if self.unseen:
-            about["unseen"] = list(self.unseen)
+        optional = {
+            "has_texture": self.texture is not None,
+            "course": self.course and self.course.as_dict(),
+            "friction_map": self.friction_map and self.friction_map.as_dict(),
+            "primitives": self.primitives and primitives_to_dict(self.primitives),
+            "objects": [each.as_dict() for each in self.objects],
+            "unseen": list(self.unseen),
+        }
+        about |= {name: value for name, value in optional.items() if value}
         about["verdict"] = self.verdict.as_dict()
         save_arena(folder, self.geometry, about)
 

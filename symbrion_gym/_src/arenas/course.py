@@ -6,7 +6,7 @@ pictures) and its exact convex pieces (for contact).
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import trimesh
@@ -151,14 +151,10 @@ class StairsCourse:
     width: float = 2.0
     friction: float = 0.7
     color_pattern: str | None = None
+    friction_map: ClassVar[None] = None  # one friction for all
 
     def __post_init__(self) -> None:
         _check_sizes(self, ("steps", "rise", "run", "floor", "plateau", "width", "friction"))
-
-    @property
-    def friction_map(self) -> None:
-        """One friction for all."""
-        return None
 
     @property
     def length(self) -> float:

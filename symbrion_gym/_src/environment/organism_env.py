@@ -170,7 +170,8 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         if render_mode not in (None, *RENDER_MODES):
             raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES)}")
         self.config = EnvironmentConfig.from_options(options, ("render_mode", "width", "height"))
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.config.dt)}
+        self.dt = self.config.dt  # Length of a control tick [s]
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.dt)}
         self.render_mode, self.width, self.height = render_mode, width, height
         self.world = World(self.config, (width, height))
         self.model = self.world.model
@@ -186,11 +187,6 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     def _find_views(self) -> None:
         self._control = self.data.ctrl[None]
         self._physics = self.world.view(lambda name: getattr(self.data, name)[None])
-
-    @property
-    def dt(self) -> float:
-        """Length of a control tick [s]."""
-        return self.config.dt
 
     @property
     def physics(self) -> Physics:

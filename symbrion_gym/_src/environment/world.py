@@ -53,7 +53,8 @@ def find_arena(config: EnvironmentConfig) -> Arena:
         )
     if arena in _RESIZABLE:
         return load_arena(str(arena), pit=config.default_pit if config.pit is None else config.pit)
-    found = arena if isinstance(arena, Arena) else _load(arena, config)
+    progress = config.progress or _log_progress
+    found = arena if isinstance(arena, Arena) else load_arena(arena, progress=progress)
     if config.pit is not None and getattr(found.course, "pit", None) != config.pit:
         raise ArenaError(
             f"the pit of arena {found.name!r} cannot be set to {config.pit}, as it has its own pit; pit={config.pit} "
@@ -72,11 +73,6 @@ def _make_course_arena(name: str, config: EnvironmentConfig) -> Arena:
     if kind == "pit" and pit is not None:
         sizes["pit"] = pit
     return load_arena(name, course=make_course(sizes))
-
-
-def _load(arena: str | Path, config: EnvironmentConfig) -> Arena:
-    """Return a named arena, or one from a folder or a file; a surface in a file or in tiles is made one."""
-    return load_arena(arena, progress=config.progress or _log_progress)
 
 
 def _log_progress(message: str, fraction: float) -> None:
