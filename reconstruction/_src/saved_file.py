@@ -1,7 +1,5 @@
 """The file of a reconstruction: plain arrays and a header in JSON, no pickle."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os
@@ -29,12 +27,12 @@ class Saved(NamedTuple):
     """What a file holds; see `Reconstruction`."""
 
     method: str
-    config: NetworkConfig
-    state: State
+    config: "NetworkConfig"
+    state: "State"
     cloud: Cloud
     readings: Cloud | None
     notes: dict[str, Any]
-    slip: FrictionReadings | None = None
+    slip: "FrictionReadings | None" = None
 
 
 def write_saved(path: Path, saved: Saved) -> None:
@@ -112,7 +110,7 @@ def _make_cloud(arrays: dict[str, np.ndarray], prefix: str) -> Cloud:
     )
 
 
-def _check_state(state: State) -> None:
+def _check_state(state: "State") -> None:
     """Refuse arrays of a file that no network leaves behind."""
     _check_positions("units", state.units)
     faces, count = np.asarray(state.faces), state.units.size // 3

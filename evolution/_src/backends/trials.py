@@ -4,8 +4,6 @@ A `Job` describes everything that decides its outcome; the worker, the other job
 influence. That is why batch, processes and a Ray cluster give equal results.
 """
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +38,7 @@ class Trials(TrialConfig, BodyConfig):
     # those of an `Evaluator`
     OTHERS: ClassVar[tuple[str, ...]] = ("trials", "scoring", "backend", "workers", "address")
 
-    arena: ArenaSource = "truth"  # name, folder, file or, on backend "batch", an `Arena`
+    arena: "ArenaSource" = "truth"  # name, folder, file or, on backend "batch", an `Arena`
     controller: Any = "reactive"
     count: int = 2  # number of trials, each under other conditions
     seed: tuple[int, ...] = (0,)  # seed of the conditions; equal seeds mean equal conditions
@@ -75,10 +73,10 @@ def check_tried(outcomes: Sequence[Outcome]) -> None:
 
 
 _MAX_ARENAS = 4  # Arenas that a process keeps
-_arenas: OrderedDict[object, Arena] = OrderedDict()
+_arenas: "OrderedDict[object, Arena]" = OrderedDict()
 
 
-def find_arena_key(arena: ArenaSource) -> object:
+def find_arena_key(arena: "ArenaSource") -> object:
     """Return what tells arenas apart: a name, a path and when it was written, or the identity of an `Arena`."""
     if not isinstance(arena, str | PathLike):
         return id(arena)
@@ -91,7 +89,7 @@ def find_arena_key(arena: ArenaSource) -> object:
         return str(arena), 0
 
 
-def prepare_arena(arena: ArenaSource, progress: Progress = silent) -> ArenaSource:
+def prepare_arena(arena: "ArenaSource", progress: Progress = silent) -> "ArenaSource":
     """Return an arena, loaded or built where it is a file or a folder; the next call returns the same one."""
     if not isinstance(arena, str | PathLike) or arena in NAMED_ARENAS:
         return arena

@@ -1,7 +1,5 @@
 """Controllers by what names them: a law of ours, an object, a class, a function, "module:name", or a record."""
 
-from __future__ import annotations
-
 import inspect
 import sys
 from collections.abc import Collection, Mapping, Sequence
@@ -38,7 +36,7 @@ class ControllerSource:
     def __post_init__(self) -> None:
         object.__setattr__(self, "arguments", freeze(self.arguments))
 
-    def make(self, organism: Organism, num_tracks: int) -> Any:
+    def make(self, organism: "Organism", num_tracks: int) -> Any:
         """Return the controller for a body."""
         self.allow(())
         made = _make(find_of_module(self.source), organism, num_tracks, self.source, self.arguments)
@@ -50,7 +48,7 @@ class ControllerSource:
             )
         return made
 
-    def allow(self, modules: Collection[str]) -> ControllerSource:
+    def allow(self, modules: Collection[str]) -> "ControllerSource":
         """Return the source that may be imported."""
         if not self.is_allowed:
             check_allowed(self.source, "controller", modules)
@@ -66,7 +64,7 @@ def find_of_module(source: str) -> Any:
     return found
 
 
-def find_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> Controller:
+def find_controller(spec: Any, organism: "Organism", num_tracks: int = 0) -> Controller:
     """Return the controller that something names, for a body.
 
     Args:
@@ -95,7 +93,7 @@ def find_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> Contr
 
 
 def refer_to_controller(
-    spec: Any, organism: Organism, num_tracks: int = 0, *, must_be_found: bool = False
+    spec: Any, organism: "Organism", num_tracks: int = 0, *, must_be_found: bool = False
 ) -> Any:
     """Return what stands for a controller in the configuration of a run and in jobs; of a record, import nothing."""
     if isinstance(spec, Mapping):
@@ -174,7 +172,7 @@ def _find_source(spec: Any, name: str, version: str) -> ControllerSource:
     )
 
 
-def _make(found: Any, organism: Organism, num_tracks: int, what: str, arguments: Any = None) -> Any:
+def _make(found: Any, organism: "Organism", num_tracks: int, what: str, arguments: Any = None) -> Any:
     """Return a controller: what was found, or what it makes as a class or function of the organism."""
     if _is_controller(found):
         return found

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy.spatial import cKDTree
 
 import symbrion_gym as sg
-from evolution._src.report.error_map import add_friction, find_touchable, make_friction_legend
+from evolution._src.report.error_map import DIRECTIONS, add_friction, find_touchable, make_friction_legend
 from evolution._src.report.figures import DPI
 from evolution._src.report.raster import (
     OVERSAMPLING,
@@ -76,7 +76,6 @@ def add_scale(axes: Axes, view: View) -> None:
 
 
 LAYERS = ("surface", "contact", "drivable", "route")  # What can be drawn
-DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))  # Elevation and azimuth of the two cameras [degree]
 FROM_ABOVE = (90.0, -90.0)  # Of the camera of the plan: x to the right, y up
 PLAN_SHARE = 0.7  # Width of the plan, relative to that of both pictures side by side
 FONT = 13  # Size of text [point]: pages show the picture at about two thirds of its size

@@ -1,7 +1,5 @@
 """Checks of an arena before MuJoCo sees it, wherever it comes from."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,7 +38,7 @@ def check_names(name: str, friction_source: str) -> None:
         raise ArenaError(f"friction_source is {friction_source!r}; there are: {', '.join(FRICTION_SOURCES)}")
 
 
-def check_piece(piece: trimesh.Trimesh, source: object) -> None:
+def check_piece(piece: "trimesh.Trimesh", source: object) -> None:
     """Refuse a contact piece that MuJoCo cannot compile: it takes the hull of the vertices in single precision."""
     from reconstruction._src.geometry.rows import make_hull
 
@@ -55,7 +53,7 @@ def check_piece(piece: trimesh.Trimesh, source: object) -> None:
         )
 
 
-def check_surface(surface: trimesh.Trimesh, source: object) -> None:
+def check_surface(surface: "trimesh.Trimesh", source: object) -> None:
     """Refuse an exact surface that cannot be drawn or hit by rays."""
     _check_vertices(surface, source)
     if not len(surface.faces) or len(surface.vertices) < 4:
@@ -64,7 +62,7 @@ def check_surface(surface: trimesh.Trimesh, source: object) -> None:
         raise ArenaError(f"{source}: the surface has no area")
 
 
-def _check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
+def _check_vertices(mesh: "trimesh.Trimesh", source: object) -> None:
     from reconstruction._src.geometry.mesh_repair import LARGEST_COORDINATE
 
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
@@ -75,7 +73,7 @@ def _check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
         raise ArenaError(f"{source}: vertex {index} is {vertices[index].tolist()}; {needed}")
 
 
-def check_height_field(field: HeightField, source: object) -> None:
+def check_height_field(field: "HeightField", source: object) -> None:
     """Refuse a height field whose arrays do not fit together."""
     from reconstruction._src.geometry.mesh_repair import LARGEST_COORDINATE
 

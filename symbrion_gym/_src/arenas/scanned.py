@@ -1,7 +1,5 @@
 """What an arena is made of: a surface wound towards free space, and the readings behind it where they are known."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -81,7 +79,7 @@ class ScannedSurface:
     cut: str = ""  # what was cut off as far from every reading, in words; nothing where nothing was
     colored: Cloud | None = None  # points with colors, in the frame of the mesh; None: its colors are unknown
     # that of the ground, as robots felt it by their slip; None: nobody did
-    friction: FrictionEstimate | None = None
+    friction: "FrictionEstimate | None" = None
 
 
 class MeshFrame(NamedTuple):
@@ -93,7 +91,7 @@ class MeshFrame(NamedTuple):
 
 
 def take_surface(
-    surface: Reconstruction | trimesh.Trimesh | str | Path,
+    surface: "Reconstruction | trimesh.Trimesh | str | Path",
     viewpoints: ArrayLike | None = None,
     frame: MeshFrame | None = None,
 ) -> ScannedSurface:
@@ -172,7 +170,7 @@ def find_doubts(scanned: ScannedSurface) -> list[str]:
     return warnings
 
 
-def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFrame) -> ScannedSurface:
+def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshFrame) -> ScannedSurface:
     from reconstruction._src.reconstruction import Reconstruction
     from reconstruction._src.scans.mesh_files import load_mesh
 
@@ -214,7 +212,7 @@ def _turn_upright(mesh: trimesh.Trimesh, name: str) -> None:
     mesh.metadata["offset"] = axes @ mesh.metadata["offset"]
 
 
-def _take_reconstruction(made: Reconstruction, name: str, frame: MeshFrame) -> ScannedSurface:
+def _take_reconstruction(made: "Reconstruction", name: str, frame: MeshFrame) -> ScannedSurface:
     if frame != MeshFrame():
         raise ArenaError(
             f"{name}: a reconstruction is in meters, z up; give unit, up and scale where the points are read "

@@ -101,7 +101,9 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         self._renderers: list[tuple[mujoco.MjData, SceneRenderer]] = []
 
     def _make_batch(self, num_threads: int) -> Batch:
-        is_persistent = self.config.timers or self.world.skips_static
+        # Where static geoms are left out, each simulation needs an `MjData` of its own.
+        skips_static = self.model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        is_persistent = self.config.timers or bool(skips_static)
         return Batch(self.model, self.num_envs, num_threads, persistent=is_persistent)
 
     def _send(self, *names: str) -> None:

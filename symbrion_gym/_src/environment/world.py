@@ -156,11 +156,6 @@ class World:
             root.sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
         return spec
 
-    @property
-    def skips_static(self) -> bool:
-        """Whether the model leaves out static geoms, so that each simulation needs an `MjData` of its own."""
-        return bool(self.model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))
-
     def _find_ids(self) -> None:
         model, organism = self.model, self.organism
         self.num_modules, scout = organism.num_modules, organism.scout

@@ -1,7 +1,5 @@
 """What robots of a swarm sense, say and remember, and the plan that they follow: all data of the behaviors."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -32,7 +30,7 @@ class Words(NamedTuple):
     size: Int[np.ndarray, " N"]  # robots that the organism has
 
     @classmethod
-    def make_silent(cls, num_robots: int) -> Words:
+    def make_silent(cls, num_robots: int) -> "Words":
         """Return the words of robots that say nothing."""
         no, nobody = np.zeros((num_robots, len(SIDES)), bool), np.full(num_robots, NOBODY)
         role = np.full((num_robots, len(SIDES)), NOBODY)
@@ -56,7 +54,7 @@ class Heard(NamedTuple):
     size: Int[np.ndarray, " N"]
 
     @classmethod
-    def make_nothing(cls, num_robots: int) -> Heard:
+    def make_nothing(cls, num_robots: int) -> "Heard":
         """Return what robots hear where all is silent."""
         no, nobody = np.zeros(num_robots, bool), np.full(num_robots, NOBODY)
         zero, whole = np.zeros(num_robots), np.zeros(num_robots, int)
@@ -138,7 +136,7 @@ class Memory(NamedTuple):
     unanswered: Float[np.ndarray, " N"]  # time since the organism heard of the robot that it has accepted [s]
 
     @classmethod
-    def begin(cls, num_robots: int) -> Memory:
+    def begin(cls, num_robots: int) -> "Memory":
         """Return the memory of robots that explore and know nothing."""
         values: dict[str, np.ndarray] = {name: np.zeros(num_robots) for name in cls._fields}
         for name in ("mode", "roles", "ticket", "goes", "recoveries"):
@@ -153,7 +151,7 @@ class Memory(NamedTuple):
 
     def start(
         self, robots: Bool[np.ndarray, " N"] | Int[np.ndarray, " K"], mode: Mode, **values: object
-    ) -> Memory:
+    ) -> "Memory":
         """Return a memory in which some robots are in a mode, as scripts and tests begin."""
         changed = {}
         for name, value in {"mode": mode, "since": 0.0, **values}.items():
