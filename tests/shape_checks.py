@@ -19,10 +19,10 @@ from beartype import beartype
 PACKAGES = ("reconstruction", "symbrion_gym", "evolution")
 ALL_OF, ONE_OF = 200, 50  # The first calls of a function are all checked, of later ones each fiftieth
 ARRAYS = {"Bool", "Float", "Float32", "Float64", "Int", "Integer", "Num", "Shaped", "UInt", "UInt8"}
-ALIASES = {"Angles", "Cells", "Chosen", "Corner", "Corners", "Depths", "Direction", "Faces"}
-ALIASES |= {"Grid", "Keys", "Marks", "Mask", "Normals", "Numbers", "Pairs", "Picture"}
-ALIASES |= {"Points", "Pose", "Ranges", "Readings", "Rows", "Triangles", "Units", "Vectors"}
-ALIASES |= {"Vertices", "Waypoints"}
+ALIASES = {"Angles", "Cells", "Chosen", "Corner", "Corners", "Depths", "Direction", "Directions"}
+ALIASES |= {"Faces", "Grid", "Halfspaces", "Keys", "Marks", "Mask", "Normals", "Numbers"}
+ALIASES |= {"Offsets", "Pairs", "Picture", "Points", "Population", "Pose", "Positions", "Ranges"}
+ALIASES |= {"Readings", "Rows", "Samples", "Triangles", "Units", "Vectors", "Vertices", "Waypoints"}
 """Names of such arrays."""
 
 

@@ -12,6 +12,8 @@ from evolution._src.errors import RunError
 from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.environment.config import SENSORS
 
+Population = Float[np.ndarray, "*P G"]  # A genotype for each controller, or one for all
+
 Structure = Mapping[str, slice]
 """Where each quantity lies in an observation, as in `OrganismEnv.observation_structure`."""
 MAX_NAMED_GENES = 12  # Genes that a message names
@@ -79,7 +81,7 @@ class Controller(Protocol):
         ...
 
 
-def check_genotypes(controller: Controller, genotypes: Float[np.ndarray, "*P G"]) -> None:
+def check_genotypes(controller: Controller, genotypes: Population) -> None:
     """Refuse genotypes that do not fit a controller."""
     genes = controller.parameters
     if genotypes.shape[-1] != len(genes):
@@ -91,7 +93,7 @@ def check_genotypes(controller: Controller, genotypes: Float[np.ndarray, "*P G"]
         raise RunError("a genotype has a number that is not finite")
 
 
-def warn_of_bounds(controller: Controller, genotypes: Float[np.ndarray, "*P G"], stacklevel: int = 3) -> None:
+def warn_of_bounds(controller: Controller, genotypes: Population, stacklevel: int = 3) -> None:
     """Warn of genes beyond the bounds of a controller, which `evolve` never tries.
 
     Laws act beyond them, too, and a search that does not know that its genotypes are clipped would learn from some
@@ -188,11 +190,7 @@ class CheckedController:
         return state
 
     def act(
-        self,
-        observation: Float[np.ndarray, "P O"],
-        genotype: Float[np.ndarray, "*P G"],
-        structure: Structure,
-        state: Any,
+        self, observation: Float[np.ndarray, "P O"], genotype: Population, structure: Structure, state: Any
     ) -> tuple[Float[np.ndarray, "P A"], Any]:
         """Return the actions and the new state; one genotype may stand for all rows."""
         count = len(observation)

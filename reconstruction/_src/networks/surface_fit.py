@@ -21,6 +21,8 @@ from jaxtyping import Bool, Float, Int, Num
 from reconstruction._src.geometry.rows import Faces, Vertices, compute_lengths
 from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 
+Positions = Float[jax.Array, "V 3"]  # Of the vertices
+
 _CPU_CHUNK, _GPU_CHUNK = 4096, 2**20
 """Samples treated at once: what fits the cache of a core, and plenty for a GPU. Powers of two, as array lengths are."""
 
@@ -58,14 +60,14 @@ class Samples(NamedTuple):
 
 
 def fit_once(
-    vertices: Float[jax.Array, "V 3"],
+    vertices: Positions,
     ring: Int[jax.Array, "V D 2"],
     samples: Samples,
     config: FitConfig,
     chunk: int,
     is_movable: Bool[jax.Array, " V"] | None = None,
     spread: Callable[[Float[jax.Array, "V 10"]], Float[jax.Array, "V 10"]] | None = None,
-) -> Float[jax.Array, "V 3"]:
+) -> Positions:
     """Return the vertices after one step towards the samples."""
     residual, corner, barycentric, along, weight = _compute_residuals(
         vertices, ring, samples, config.reach, chunk
@@ -93,11 +95,7 @@ def fit_once(
 
 
 def _compute_residuals(
-    vertices: Float[jax.Array, "V 3"],
-    ring: Int[jax.Array, "V D 2"],
-    samples: Samples,
-    reach: float,
-    chunk: int,
+    vertices: Positions, ring: Int[jax.Array, "V D 2"], samples: Samples, reach: float, chunk: int
 ) -> tuple[jax.Array, ...]:
     """Return, in chunks, each sample's residual to the surface, and its weight, 0 beyond the reach.
 
@@ -138,9 +136,7 @@ def _compute_residuals(
     return jax.lax.map(describe, split((points, winners, weights, *found)))
 
 
-def _solve_moments(
-    moments: Float[jax.Array, "V 10"], stiffness: float, step_limit: float
-) -> Float[jax.Array, "V 3"]:
+def _solve_moments(moments: Float[jax.Array, "V 10"], stiffness: float, step_limit: float) -> Positions:
     """Return every vertex's step (A/c + aI)⁻¹ g/c, a the stiffness, no longer than `step_limit`."""
     weight = jnp.maximum(moments[:, 9:], 1e-12)
     xx, xy, xz, yy, yz, zz = (moments[:, :6] / weight).T
@@ -279,14 +275,14 @@ def sort_by_degree(ring: Int[np.ndarray, "V D 2"], winners: Int[np.ndarray, " N"
 
 @partial(jax.jit, static_argnames="chunk")
 def _fit(
-    vertices: Float[jax.Array, "V 3"],
+    vertices: Positions,
     ring: Int[jax.Array, "V D 2"],
     is_movable: Bool[jax.Array, " V"],
     samples: Samples,
     iterations: Int[jax.Array, ""],
     *,
     chunk: int,
-) -> Float[jax.Array, "V 3"]:
+) -> Positions:
     """Repeat the step; all lengths in mean edges."""
     return jax.lax.fori_loop(
         0, iterations, lambda _, at: fit_once(at, ring, samples, _CONFIG, chunk, is_movable), vertices

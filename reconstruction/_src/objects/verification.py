@@ -11,6 +11,8 @@ from reconstruction._src.objects.model import ObjectModel
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.selection import compute_cell_keys
 
+Pose = Float[np.ndarray, "4 4"]  # Of the object in the scan
+
 MARGIN = 0.03
 """Readings nearer to the object than this that it does not explain speak against it [m]: it would be a part of
 something larger."""
@@ -59,7 +61,7 @@ def make_beams(cloud: Cloud) -> Beams | None:
 
 
 def cast(
-    model: ObjectModel, pose: Float[np.ndarray, "4 4"], beams: Beams
+    model: ObjectModel, pose: Pose, beams: Beams
 ) -> tuple[Float[np.ndarray, " B"], Float[np.ndarray, " B"]]:
     """Return where beams would first meet an object [m], infinite where they miss it, and the cosine of incidence."""
     if not len(beams.ranges):
@@ -73,11 +75,7 @@ def cast(
 
 
 def verify_by_beams(
-    model: ObjectModel,
-    pose: Float[np.ndarray, "4 4"],
-    beams: Beams,
-    is_background: Bool[np.ndarray, " B"],
-    tolerance: float,
+    model: ObjectModel, pose: Pose, beams: Beams, is_background: Bool[np.ndarray, " B"], tolerance: float
 ) -> Verdict:
     """Compare the beams that pass an object with the ranges that it would give, within a tolerance [m].
 
@@ -112,7 +110,7 @@ def verify_by_beams(
 
 def verify_by_distance(
     model: ObjectModel,
-    pose: Float[np.ndarray, "4 4"],
+    pose: Pose,
     points: Float[np.ndarray, "M 3"],
     is_background: Bool[np.ndarray, " M"],
     tolerance: float,

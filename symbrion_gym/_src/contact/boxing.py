@@ -24,6 +24,7 @@ from reconstruction._src.geometry.halfspaces import (
 from reconstruction._src.geometry.outlines import compute_hull_outline
 from reconstruction._src.geometry.rows import make_hull
 from reconstruction._src.geometry.sampling import sample_grid
+from symbrion_gym._src.contact.seams import Halfspaces
 
 _NOTHING = -1e6  # Height of what is not there [m]
 _MIN_VOLUME = 1e-6  # Smaller parts are none [m³]
@@ -112,9 +113,7 @@ def turn_into_boxes(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[tr
     return boxed
 
 
-def _find_box(
-    piece: trimesh.Trimesh, others: list[Float[np.ndarray, "H 4"]], ground: Elevation
-) -> trimesh.Trimesh:
+def _find_box(piece: trimesh.Trimesh, others: list[Halfspaces], ground: Elevation) -> trimesh.Trimesh:
     """Return a box under the piece's main plane that changes no contact; else the piece."""
     top = _Top(piece)
     if not len(top.planes):
@@ -157,7 +156,7 @@ class _ContactCheck:
         self,
         piece: trimesh.Trimesh,
         halfspaces: Float[np.ndarray, "G 4"],
-        others: list[Float[np.ndarray, "H 4"]],
+        others: list[Halfspaces],
         ground: Elevation,
     ) -> None:
         self._ground, self._others = ground, others
@@ -207,8 +206,6 @@ class _ContactCheck:
         return float(np.abs(after - self._before)[self._is_ground].max(initial=0.0))
 
 
-def _measure_depth(
-    points: Float[np.ndarray, "N 3"], halfspaces: Float[np.ndarray, "H 4"]
-) -> Float[np.ndarray, " N"]:
+def _measure_depth(points: Float[np.ndarray, "N 3"], halfspaces: Halfspaces) -> Float[np.ndarray, " N"]:
     """Return how far points lie outside of a convex solid, below 0 inside [m]."""
     return (points @ halfspaces[:, :3].T + halfspaces[:, 3]).max(axis=1)

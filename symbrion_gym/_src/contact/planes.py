@@ -20,6 +20,8 @@ from scipy.sparse.csgraph import connected_components
 
 from symbrion_gym._src.errors import ArenaError
 
+Offsets = Float[np.ndarray, " R"]  # Of planes [m]
+
 Direction = Float[np.ndarray, " 3"]  # A unit vector
 Normals = Float[np.ndarray, "R 3"]  # Unit normals of planes
 
@@ -56,7 +58,7 @@ class Planes(NamedTuple):
     """The planes of a mesh and whose faces they are."""
 
     normals: Normals  # unit normals, to the outside
-    offsets: Float[np.ndarray, " R"]  # normal · point on the plane [m]
+    offsets: Offsets  # normal · point on the plane [m]
     labels: Labels  # the plane of each face, -1 for none
     noise: float  # standard deviation of the mesh around its planes [m]
 
@@ -209,11 +211,7 @@ class _FaceSurface:
         return labels
 
     def _cost(
-        self,
-        normals: Normals,
-        offsets: Float[np.ndarray, " R"],
-        candidate: Int[np.ndarray, "F K"],
-        reach: float,
+        self, normals: Normals, offsets: Offsets, candidate: Int[np.ndarray, "F K"], reach: float
     ) -> Float[np.ndarray, "F K"]:
         """Return what it costs each face to be on each candidate plane (-1: on none)."""
         homogeneous = np.concatenate([normals, -offsets[:, None]], axis=1)[candidate]
@@ -326,7 +324,7 @@ def _fit(sums: Float[np.ndarray, "R 4 4"], normals: Normals, members: list[int])
 
 
 def _measure_shift(
-    sums: Float[np.ndarray, "R 4 4"], own: Float[np.ndarray, " R"], normals: Normals, members: list[int]
+    sums: Float[np.ndarray, "R 4 4"], own: Offsets, normals: Normals, members: list[int]
 ) -> float:
     """Return how far the common plane lies off the worst region's own [m]; inf where a region faces the other way."""
     normal, offset = _fit(sums, normals, members)

@@ -11,6 +11,8 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import Organism, snake
 
+Samples = Float[np.ndarray, " S"]  # Of places along a line
+
 LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
 _SAMPLES = 0.005  # Spacing of the heights along the start line [m], small against a module
@@ -72,9 +74,7 @@ class GroundPlacement:
             raise self._make_error(head.x, head.y)
         return float(np.nanmax(heights)) + organism.scout.size[2] / 2 + LIFT
 
-    def _find_ground(
-        self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"], level: float | None
-    ) -> Float[np.ndarray, " S"]:
+    def _find_ground(self, x: Samples, y: Samples, level: float | None) -> Samples:
         """Return heights of the ground below what hangs above a level; nan where there is none."""
         if level is None:
             return np.asarray(self._arena.height(x, y), dtype=np.float64)
@@ -83,9 +83,7 @@ class GroundPlacement:
     def _make_error(self, x: float, y: float) -> ArenaError:
         return ArenaError(f"the start ({x:.2f}, {y:.2f}) lies off the surface of arena {self._arena.name!r}")
 
-    def _compute_heights(
-        self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"]
-    ) -> Float[np.ndarray, " S"]:
+    def _compute_heights(self, x: Samples, y: Samples) -> Samples:
         """Return ground heights; beyond the rim, the nearest known one along the line."""
         heights, level = np.full(len(x), np.nan), self._level
         for first in range(0, len(x), _STRETCH):
@@ -99,7 +97,7 @@ class GroundPlacement:
         return np.interp(np.arange(len(heights)), known, heights[known])
 
 
-def _roll_over(heights: Float[np.ndarray, " S"], radius: float) -> Float[np.ndarray, " S"]:
+def _roll_over(heights: Samples, radius: float) -> Samples:
     """Return how high the center of a disc rolls over ground heights sampled every `_SAMPLES`."""
     from scipy.ndimage import grey_dilation
 
@@ -110,7 +108,7 @@ def _roll_over(heights: Float[np.ndarray, " S"], radius: float) -> Float[np.ndar
 
 
 def _follow_ground(
-    back: Float[np.ndarray, " S"], heights: Float[np.ndarray, " S"], organism: Organism
+    back: Samples, heights: Samples, organism: Organism
 ) -> tuple[float, float, Float[np.ndarray, " h"]]:
     """Lay a snake on a height line, head at 0; return head height, head pitch and hinge angles."""
     pitch, count = organism.scout.pitch, organism.num_modules

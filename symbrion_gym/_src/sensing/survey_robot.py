@@ -14,6 +14,8 @@ from reconstruction._src.base.range_checks import check_not_negative, check_posi
 from reconstruction._src.geometry.pose import make_rotation
 from symbrion_gym._src.errors import SurveyError
 
+Directions = Float[np.ndarray, "R 3"]  # Of each beam, as unit vectors
+
 Ranges = Float[np.ndarray, " R"]  # Of each beam [m]
 Pose = Float[np.ndarray, "4 4"]  # Of a frame in the world
 
@@ -80,11 +82,7 @@ class LaserScanner:
         return np.stack([np.cos(self.angles), np.sin(self.angles), np.zeros(self.num_beams)], axis=1)
 
     def scan(
-        self,
-        cast: Cast,
-        pose: Pose,
-        rng: np.random.Generator,
-        directions: Float[np.ndarray, "R 3"] | None = None,
+        self, cast: Cast, pose: Pose, rng: np.random.Generator, directions: Directions | None = None
     ) -> tuple[Ranges, Bool[np.ndarray, " R"]]:
         """Take one scan; return the readings [m] (nan: no return) and which of them mix two surfaces.
 
@@ -109,7 +107,7 @@ class LaserScanner:
         return ranges, is_mixed & np.isfinite(ranges)
 
     def _meet_edges(
-        self, cast: Cast, pose: Pose, directions: Float[np.ndarray, "R 3"], exact: Ranges
+        self, cast: Cast, pose: Pose, directions: Directions, exact: Ranges
     ) -> tuple[Ranges, Ranges, Bool[np.ndarray, " R"]]:
         """Return the nearest and the farthest surface in every light spot [m], and whether an edge parts them."""
         near, far, is_mixed = np.zeros_like(exact), np.zeros_like(exact), np.zeros(len(exact), bool)
@@ -132,7 +130,7 @@ class LaserScanner:
         return near, far, is_mixed
 
 
-def _find_rim(directions: Float[np.ndarray, "R 3"]) -> Float[np.ndarray, "R 4 3"]:
+def _find_rim(directions: Directions) -> Float[np.ndarray, "R 4 3"]:
     """Return four points on the rim of a light spot of radius 1: two in the scan plane, two across it."""
     aside = np.cross([0.0, 0.0, 1.0], directions)
     is_upright = np.linalg.norm(aside, axis=1) < _UPRIGHT
