@@ -5,7 +5,6 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.errors import ReconstructionError, ScanError
-from reconstruction._src.geometry.rows import Points
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.frames import find_offset
 from reconstruction._src.scans.point_rows import check_points
@@ -45,7 +44,11 @@ def make_cloud(
     return cloud.shift(offset) if offset.any() else cloud
 
 
-def make_cloud_of_rays(points: Points, origins: Points | None, offset: Float[np.ndarray, " 3"]) -> Cloud:
+def make_cloud_of_rays(
+    points: Float[np.ndarray, "N 3"],
+    origins: Float[np.ndarray, "N 3"] | None,
+    offset: Float[np.ndarray, " 3"],
+) -> Cloud:
     """Return the cloud of points with the positions that they were seen from, or None where these are unknown."""
     if origins is None:
         return Cloud(points, offset=offset)
@@ -96,7 +99,7 @@ def check_free_rays(free_rays: ArrayLike) -> Float[np.ndarray, "K 2 3"]:
     return array
 
 
-def check_scale(new_points: Float[np.ndarray, "M 3"], old_points: Points) -> None:
+def check_scale(new_points: Float[np.ndarray, "M 3"], old_points: Float[np.ndarray, "N 3"]) -> None:
     """Refuse new points that cannot belong to the same place: another unit, or another frame."""
     old, new = (points[:: max(1, len(points) // _NUM_PROBES)] for points in (old_points, new_points))
     size, new_size = (float(np.linalg.norm(np.ptp(points, axis=0))) for points in (old, new))
