@@ -6,17 +6,15 @@ Frame of a module: origin in the center of the chassis, x forward (towards the h
 """
 
 from collections.abc import Sequence
-from functools import cache
 from math import pi
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
+import trimesh
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from reconstruction._src.geometry.pose import PlanarPose, make_quarter_turn, make_quaternion
-from symbrion_gym._src.assets import find_assets
 from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, CONTACT_GROUP, SIDES, ScoutConfig
 
 _FRICTION_STIFFNESS = (12.0, 1.5)
@@ -121,7 +119,7 @@ def add_chassis(
     kind, mass = mujoco.mjtGeom.mjGEOM_BOX, config.chassis_mass
     chassis = add_contact(frame, body, f"{prefix}chassis", kind, half, config, mass=mass)
     chassis.rgba[3] = 1.0  # rays see the chassis
-    _add_look(spec, frame, body, "chassis", np.divide(config.size, ScoutConfig.size))
+    _add_look(spec, frame, body, "chassis", _make_chassis_look(config))
     add_tracks(frame, body, prefix, config)
     _add_site(frame, body, prefix.rstrip("_"), PlanarPose(), _MARKER_SIZE)
     for side in ("back", "left", "right"):
@@ -147,7 +145,7 @@ def add_arm(
     place = [config.arm_reach - ARM_RADIUS, 0, 0]
     nose = add_contact(frame, body, f"{prefix}arm", kind, size, config, place, config.arm_mass)
     nose.quat = make_quarter_turn(x=1.0)
-    _add_look(spec, frame, body, "arm", (config.arm_reach / ScoutConfig.arm_reach, 1.0, 1.0))
+    _add_look(spec, frame, body, "arm", _make_arm_look(config))
     dock = PlanarPose(*config.compute_dock("front"))
     _add_site(frame, body, f"{prefix}dock_front", dock, _MARKER_SIZE)
 
@@ -293,32 +291,91 @@ _COLORS = {
 }
 _UNSEEN = "scout_unseen_by_rays"
 """A material without opacity: rays pass, while the color of the geom itself is drawn."""
-
-
-@cache
-def _load_look() -> dict[str, np.ndarray]:
-    """Return the meshes that a Scout is drawn by, of the usual sizes; `tools/scout_look.py` made them."""
-    with np.load(find_assets() / "scout.npz") as arrays:
-        return dict(arrays)
+_BELT_WIDTH = 0.019  # Of the tracks' belts [m]; these and the sizes below are estimated from photographs
 
 
 def _add_look(
-    spec: mujoco.MjSpec, frame: mujoco.MjsFrame, body: mujoco.MjsBody, part: str, stretch: ArrayLike
+    spec: mujoco.MjSpec,
+    frame: mujoco.MjsFrame,
+    body: mujoco.MjsBody,
+    part: str,
+    solids: dict[str, list[trimesh.Trimesh]],
 ) -> None:
-    """Add what is drawn of a part: a mesh for each color, shared by all modules; it changes images alone.
-
-    `stretch`: sizes relative to the usual ones, along each axis.
-    """
+    """Add what is drawn of a part: a mesh for each color, shared by all modules; it changes images alone."""
     if spec.material(_UNSEEN) is None:
         spec.add_material(name=_UNSEEN, rgba=[1.0, 1.0, 1.0, 0.0], specular=0.3, shininess=0.4)
-    look, shell = _load_look(), mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    for name in (key.removesuffix("_vertices") for key in look if key.endswith("_vertices")):
-        if not name.startswith(f"scout_{part}_"):
-            continue
+    for color, parts in solids.items():
+        name = f"scout_{part}_{color}"
         if spec.mesh(name) is None:
-            vertices, faces = look[f"{name}_vertices"] * stretch, look[f"{name}_faces"]
-            spec.add_mesh(name=name, inertia=shell, uservert=vertices.ravel(), userface=faces.ravel())
-        rgba = _COLORS[name.rpartition("_")[2]]
-        kind, unseen = mujoco.mjtGeom.mjGEOM_MESH, {"group": VISUAL_GROUP, "contype": 0, "conaffinity": 0}
-        geom = body.add_geom(type=kind, meshname=name, material=_UNSEEN, mass=0, rgba=rgba, **unseen)
+            mesh, shell = trimesh.util.concatenate(parts), mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            shape = {"uservert": mesh.vertices.ravel(), "userface": mesh.faces.astype(np.int32).ravel()}
+            spec.add_mesh(name=name, inertia=shell, **shape)
+        kind, look = mujoco.mjtGeom.mjGEOM_MESH, {"group": VISUAL_GROUP, "contype": 0, "conaffinity": 0}
+        color = _COLORS[color]
+        geom = body.add_geom(type=kind, meshname=name, material=_UNSEEN, mass=0, rgba=color, **look)
         geom.set_frame(frame)
+
+
+def _make_chassis_look(config: ScoutConfig) -> dict[str, list[trimesh.Trimesh]]:
+    """Return hull, belts, docking plates, board and eyes of a chassis by color."""
+    half_x, half_y, half_z = np.array(config.size) / 2
+    hull = _bevel((half_x - 0.006, half_y - _BELT_WIDTH, half_z - 0.008), 0.008)
+    belts, discs = [], []
+    for side in (1.0, -1.0):
+        y = side * half_y
+        belts += _make_belt(half_x, half_z, config.track_radius, y - side * _BELT_WIDTH / 2)
+        corners = [(a * (half_x - 0.02), y, b * (half_z - 0.02)) for a in (1, -1) for b in (1, -1)]
+        discs += [_disc(0.0125, 0.004, center) for center in corners]
+        discs.append(_disc(0.020, 0.005, (0.0, y, 0.0)))
+    plate = _box((0.003, 0.034, 0.034), (-half_x + 0.0005, 0.0, 0.0))
+    bars = [_box((0.005, a, b), (-half_x, 0.0, 0.0)) for a, b in ((0.008, 0.030), (0.030, 0.008))]
+    board = _box((0.052, 0.044, 0.004), (-0.006, 0.0, half_z - 0.007))
+    eyes = [_disc(0.006, 0.006, (half_x - 0.004, 0.0, 0.020), axis="x")]
+    eyes += [_disc(0.0035, 0.004, (half_x - 0.005, y, 0.020), axis="x") for y in (0.022, -0.022)]
+    return {"dark": [hull, *bars], "rubber": belts, "steel": [*discs, plate], "green": [board], "lens": eyes}
+
+
+def _make_arm_look(config: ScoutConfig) -> dict[str, list[trimesh.Trimesh]]:
+    """Return two plates to the hinge and the docking plate in front by color."""
+    near, reach = config.size[0] / 2 - 0.012, config.arm_reach
+    middle = (near + reach) / 2 - 0.004
+    plates = [_box((reach - near, 0.004, 0.020), (middle, y, 0.0)) for y in (-0.024, 0.024)]
+    front = _bevel((0.005, 0.030, 0.5 * 0.046), 0.004)
+    front.apply_translation((reach - 0.006, 0.0, 0.0))
+    bars = [_box((0.004, a, b), (reach, 0.0, 0.0)) for a, b in ((0.008, 0.036), (0.036, 0.008))]
+    axle = _disc(ARM_RADIUS * 0.6, 0.056, (near + 0.008, 0.0, 0.0))
+    return {"steel": [*plates, front, axle], "dark": bars}
+
+
+def _make_belt(half_x: float, half_z: float, radius: float, y: float) -> list[trimesh.Trimesh]:
+    """Return a belt round four corners, and its treads."""
+    angles = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
+    turn = np.stack([np.cos(angles), np.sin(angles)])
+    rim = np.sign(turn) * [[half_x - radius], [half_z - radius]] + (radius - 0.001) * turn
+    outline = [(x, y + dy, z) for dy in (-_BELT_WIDTH / 2, _BELT_WIDTH / 2) for x, z in rim.T]
+    parts = [trimesh.convex.convex_hull(np.array(outline))]
+    for x in np.linspace(-half_x + 0.012, half_x - 0.012, 9):
+        parts += [_box((0.004, _BELT_WIDTH, 0.002), (x, y, z)) for z in (half_z - 0.001, -half_z + 0.001)]
+    for z in np.linspace(-half_z + 0.018, half_z - 0.018, 7):
+        parts += [_box((0.002, _BELT_WIDTH, 0.004), (x, y, z)) for x in (half_x - 0.001, -half_x + 0.001)]
+    return parts
+
+
+def _box(size: tuple[float, float, float], center: tuple[float, float, float]) -> trimesh.Trimesh:
+    return trimesh.creation.box(size).apply_translation(center)
+
+
+def _bevel(half: tuple[float, float, float], edge: float) -> trimesh.Trimesh:
+    """Return a box with its edges cut off."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    points = [corners * (np.array(half) - edge * (1 - np.eye(3)[axis])) for axis in range(3)]
+    return trimesh.convex.convex_hull(np.concatenate(points))
+
+
+def _disc(
+    radius: float, height: float, center: tuple[float, float, float], axis: str = "y"
+) -> trimesh.Trimesh:
+    turn = [1.0, 0.0, 0.0] if axis == "y" else [0.0, 1.0, 0.0]
+    disc = trimesh.creation.cylinder(radius, height, sections=24)
+    disc.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, turn))
+    return disc.apply_translation(center)

@@ -8,14 +8,12 @@ from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.robot.scout import (
     MIDDLE_RISE,
-    _load_look,
     find_road_wheels,
     find_scout_rays,
     make_scout,
     set_physics,
 )
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
-from tools.scout_look import make_scout_look
 
 
 def _put_in_a_room(organism, wall_x=None, wall_behind=None, slope=0.0):
@@ -147,12 +145,3 @@ def test_rays_begin_and_look_as_the_sites_of_the_model():
     directions = data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2] @ rotation
     np.testing.assert_allclose(origins, rays.origins, atol=1e-9)
     np.testing.assert_allclose(directions, rays.directions, atol=1e-9)
-
-
-def test_what_is_drawn_is_what_the_tool_makes_and_follows_the_sizes():
-    look, made = _load_look(), make_scout_look()
-    assert list(look) == list(made)
-    assert all(np.allclose(look[name], made[name]) for name in made)
-    specs = make_scout(), make_scout(ScoutConfig(size=(0.21, 0.105, 0.105)))
-    usual, long = (np.reshape(spec.mesh("scout_chassis_dark").uservert, (-1, 3)) for spec in specs)
-    assert long == pytest.approx(usual * [2.0, 1.0, 1.0])
