@@ -42,7 +42,7 @@ class PolicyNetwork:
         self.num_hinges = len(organism.servos)
         self._num_actions = self.num_hinges + num_tracks
         num_inputs = self.num_hinges + 2 * organism.num_modules
-        self.sizes = (num_inputs, *UNITS, self.num_hinges + min(len(self._drive.genes), 2))
+        self.sizes = (num_inputs, *UNITS, self.num_hinges + len(self._drive.genes))
         count = sum((below + 1) * above for below, above in pairwise(self.sizes))
         self.parameters = tuple(f"weight_{index}" for index in range(count))
         self.lower, self.upper = (-LARGEST_WEIGHT,) * count, (LARGEST_WEIGHT,) * count
@@ -70,9 +70,8 @@ class PolicyNetwork:
         """Return hinge targets and track speeds of outputs of the network."""
         outputs = np.clip(outputs, -1.0, 1.0)
         hinges, speeds = outputs[:, : self.num_hinges], outputs[:, self.num_hinges :]
-        genes = np.zeros((len(outputs), 3))
-        genes[:, : speeds.shape[1]] = speeds
-        return np.concatenate([hinges, self._drive.act(genes, np.zeros((len(outputs), 0)), {})], axis=1)
+        speed, turn = np.pad(speeds, ((0, 0), (0, 2 - speeds.shape[1]))).T[:, :, None]
+        return np.concatenate([hinges, self._drive.run(np.clip(1.0 + speed, -1.0, 1.0), turn)], axis=1)
 
     def _think(
         self, inputs: Float[np.ndarray, "P I"], genotype: Float[np.ndarray, "P G"]

@@ -167,8 +167,11 @@ class Drive:
         if not self.can_turn:
             return speed * self.ahead
         turn = xp.clip(genes[:, 1:2] * compute_bearing(observation, structure), -1.0, 1.0)
-        speed = speed * (1.0 - xp.abs(turn))
-        return xp.clip(speed * self.ahead + turn * self.lever, -1.0, 1.0)
+        return self.run(speed * (1.0 - xp.abs(turn)), turn)
+
+    def run(self, speed: Float[Any, "P 1"], turn: Float[Any, "P 1"]) -> Float[Any, "P T"]:
+        """Return track speeds of a speed ahead and a rate of turn, all as shares of the full ones."""
+        return find_namespace(speed).clip(speed * self.ahead + turn * self.lever, -1.0, 1.0)
 
 
 def compute_bearing(observation: Float[Any, "P O"], structure: Structure) -> Float[Any, "P 1"]:
