@@ -1,4 +1,4 @@
-"""From any scan to a robot that drives there: two models of halves of its readings, a verdict, a way, a champion."""
+"""From any scan to a robot that drives there: two models that share no reading, a verdict, a way, a champion."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ from evolution._src.search.validation import Validation
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.surfaces.far_faces import select_faces
+from symbrion_gym._src.arenas.scanned import simulate_readings
 from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.sensing.survey import SPACING
 from symbrion_gym._src.tasks.features.gap import find_gap
@@ -51,6 +52,8 @@ _TALLEST, _SQUARE = 2.0, 1.0  # Readings so far above the lowest of their square
 _COLUMN, _PARTS = 0.2, 4  # Width of columns of readings [m], and parts of the edge by which squares are apart
 _MOST = 0.9  # Share of the most columns of level ground that is nearly as many
 _LEVEL = 0.05  # Lowest readings of columns side by side that differ by less are of the same level ground [m]
+_NUM_PLACES, _EYE, _NUM_READINGS = 8, 0.3, 10_000
+"""Places from which a mesh is scanned, height of the scanner there [m], and points that each of them may see."""
 _SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
 _AGREE = 0.02
 """Models that are this near to each other confirm each other [m], as contact does that holds a robot."""
@@ -148,11 +151,9 @@ def train(
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
         run = evolve_or_resume(config, _part(progress, 0.2, 0.9))
         progress("judging the champion", 0.9)
-        other = arenas[1] if len(arenas) > 1 else None
-        places = {"training": arenas[0], "other half": other, "truth": truth}
-        known = {name: arena for name, arena in places.items() if arena is not None}
+        known = {"training": arenas[0], "other half": arenas[1]} | ({} if truth is None else {"truth": truth})
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
-        result = Training(folder, arenas[0], other, verdict, run, held, folder / PAGE)
+        result = Training(folder, *arenas, verdict, run, held, folder / PAGE)
         progress("writing the page", 0.95)
         write_train_page(result, list(known.values())[-1], seed)
         progress("done", 1.0)
@@ -211,6 +212,16 @@ def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
     return rc.crop(site, [low, high])
 
 
+def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:
+    """Return exact readings of a surface, which has none of its own, from over ground on which a Scout can drive."""
+    ground = site.traversability(sg.snake(1))
+    places = ground.positions[ground.is_drivable]
+    chosen = np.random.default_rng(seed).permutation(len(places))[:_NUM_PLACES]
+    viewpoints = places[chosen] + np.array([0.0, 0.0, _EYE])
+    points, seen_from = simulate_readings(site.surface, viewpoints, _NUM_READINGS)
+    return rc.Cloud(points, viewpoints=viewpoints, seen_from=seen_from)
+
+
 def keep_low(site: rc.Cloud) -> rc.Cloud:
     """Return the readings that a robot on the ground can meet, so that crowns and ceilings take nothing from these."""
     height = site.points[:, 2]
@@ -255,25 +266,31 @@ def _find_ground(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 2"]:
 def make_models(
     site: Site, folder: Path, seed: int, progress: Progress = silent, ends: Sequence[Place] = ()
 ) -> list[sg.Arena]:
-    """Return the models of both halves of a site, or its one arena; from the folder where they are in it.
+    """Return the models of both halves of a site, or a mesh and the model of a scan of it; kept ones from the folder.
 
     Of a large site they are of the part around the `ends` of a way, or where most ground was read. The faces of each
     that the other does not confirm are `unseen`.
     """
-    folders = [folder / name for name in HALVES[: 1 if isinstance(site, sg.Arena) else 2]]
+    folders = [folder / name for name in HALVES]
     if not (folders[0] / "arena.json").is_file():  # which is written last
         if isinstance(site, sg.Arena):
-            made = [site]
+            made = [site, site if site.verdict.answer == "no" else _model_again(site, seed + 1, progress, ends)]
         else:
             halves = split_readings(keep_low(crop_large(site, ends)) if isinstance(site, rc.Cloud) else site)
             made = [
                 _make_model(half, seed + k, HALVES[k], _part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: "))
                 for k, half in enumerate(halves)
             ]
-            made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
+        made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
         for arena, each in reversed(list(zip(made, folders, strict=True))):
             arena.save(each)
     return [sg.Arena.load(each) for each in folders]  # as files keep them: a resumed training reads the same
+
+
+def _model_again(site: sg.Arena, seed: int, progress: Progress, ends: Sequence[Place]) -> sg.Arena:
+    """Return the model that a scan of a mesh or an arena gives."""
+    readings = keep_low(crop_large(scan_mesh(site, seed), ends))
+    return _make_model(readings, seed, HALVES[1], _part(progress, 0.5, 1.0, "scan of it: "))
 
 
 def _make_model(half: rc.ScanLog | rc.Cloud, seed: int, name: str, progress: Progress) -> sg.Arena:
@@ -313,8 +330,7 @@ def choose_task(
         conditions = {"randomization": _AS_SCANNED, "validation": _CONFIRMED}
         return EvolutionConfig(organism=crossing, **conditions, **task, **common)
     body = body or sg.snake(1)
-    confirmed = "" if len(arenas) == 1 else " and is confirmed by both halves"
-    problem: ValueError = sg.ArenaError(f"no place of it has room around it{confirmed}")
+    problem: ValueError = sg.ArenaError("no place of it is confirmed by both models, with room around it")
     for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):
         task = {"task": "reach", "track_control": "skid", **way}
         try:

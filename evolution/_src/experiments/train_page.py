@@ -34,11 +34,9 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     route = _make_route(film.positions, organism.scout.size[2])
     page = Page(
         "From a scan to a robot that drives there",
-        summary="The readings of the scan are split into two halves that share none. Each becomes a model of the site. "
-        "A controller evolves from zero in the first; whether it drives is judged in the other, which evolution never "
-        "saw."
-        if result.other is not None
-        else "A controller evolves from zero on this surface, and is judged there: a mesh has no readings to split.",
+        summary="Two models of the site share no reading: of the halves of a scan, or a mesh and the model of a scan of "
+        "it. A controller evolves from zero in the first; whether it drives is judged in the other, which evolution "
+        "never saw.",
         footer=f"symbrion train --seed {seed} · {describe_machine()}",
     )
     page.add_verdict(f"{str(result.verdict).capitalize()}.", good=result.verdict.answer == "yes")
@@ -75,8 +73,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     page.add_table(
         ["driver", *result.held], rows, "Trials that succeed; start, heading, friction and strength vary."
     )
-    if result.other is not None:
-        page.add_text(_compare_models(result, film.positions))
+    page.add_text(_compare_models(result, film.positions))
     history = run.history
     page.add_section(
         "Evolution",
@@ -94,7 +91,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     page.add_list([
         f"symbrion view {folder}/arena shows the site and where to drive",
         "symbrion train SCAN --out NEW --start X Y --goal X Y trains another way; two clicks on the site write it",
-        f"symbrion replay {folder}/run --arena {folder}/{'other' if result.other else 'arena'} --video champion.mp4",
+        f"symbrion replay {folder}/run --arena {folder}/other --video champion.mp4",
     ])  # fmt: skip
     page.write(result.page)
 
@@ -126,7 +123,6 @@ def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
 
 def _compare_models(result: Training, positions: np.ndarray) -> str:
     """Return how far the models differ where the robot drove: the ground up to as high as the robot above it."""
-    assert result.other is not None
     x, y, z = positions.reshape(-1, 3).T
     limit = z + ScoutConfig.size[2]
     gaps = np.abs(
@@ -138,5 +134,5 @@ def _compare_models(result: Training, positions: np.ndarray) -> str:
     middle, most = (format_distance(float(np.percentile(known, share))) for share in (50, 95))
     missing = 1.0 - len(known) / len(gaps)
     alone = f"; at {format_share(missing)} not both have a surface" if missing else ""
-    where = "Where the champion drove, the surfaces of the two halves differ by"
+    where = "Where the champion drove, the two models differ by"
     return f"{where} {middle} in the median, and by less than {most} at 95 % of the places{alone}."

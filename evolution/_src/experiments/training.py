@@ -21,18 +21,18 @@ class Training:
 
     Attributes:
         folder: where all of it is kept.
-        arena: model of the first half of the readings, in which the controller evolved.
-        other: model of the other half; None for a mesh or a folder, which have no readings to be halved.
+        arena: model of the first half of the readings, or the mesh, in which the controller evolved.
+        other: model of the other half; of a mesh or an arena folder, which have no readings, that of a scan of it.
         verdict: whether the first model is good for a robot, with what the other half does not confirm.
         run: the evolution; `run.champion` drives.
-        held: where ("training", "other half", "truth", as far as there are) -> who drives ("champion", "doing nothing",
+        held: where ("training", "other half", and "truth" where it is known) -> who drives ("champion", "doing nothing",
             "tracks forward") -> successes in `TRIALS` trials with fresh conditions.
         page: the report.
     """
 
     folder: Path
     arena: sg.Arena
-    other: sg.Arena | None
+    other: sg.Arena
     verdict: Verdict
     run: Run
     held: dict[str, dict[str, int]]
@@ -44,6 +44,6 @@ class Training:
         return self.held["training"]["champion"]
 
     @property
-    def held_in_other_half(self) -> int | None:
-        """Successes of the champion in the model of the readings that evolution has not seen."""
-        return self.held.get("other half", {}).get("champion")
+    def held_in_other_half(self) -> int:
+        """Successes of the champion in the model that evolution has not seen."""
+        return self.held["other half"]["champion"]

@@ -141,8 +141,7 @@ def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
 
     config = result.run.config
     for where, arena in (("training", result.arena), ("other half", result.other)):
-        if arena is not None:
-            console.print_line(f"model, {where}: {arena.verdict}")
+        console.print_line(f"model, {where}: {arena.verdict}")
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
     way = " to ".join(str(place[:2]) for place in places) if config.goal else "across the gap"
     console.print_line(f"way of {format_count(config.modules, 'module', 'modules')}: {way}")
