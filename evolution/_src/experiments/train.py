@@ -153,7 +153,7 @@ def train(
         progress("judging the champion", 0.9)
         known = {"training": arenas[0], "other half": arenas[1]} | ({} if truth is None else {"truth": truth})
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
-        result = Training(folder, *arenas, verdict, run, held, folder / PAGE)
+        result = Training(folder, arenas[0], arenas[1], verdict, run, held, folder / PAGE)
         progress("writing the page", 0.95)
         write_train_page(result, list(known.values())[-1], seed)
         progress("done", 1.0)
@@ -274,7 +274,8 @@ def make_models(
     folders = [folder / name for name in HALVES]
     if not (folders[0] / "arena.json").is_file():  # which is written last
         if isinstance(site, sg.Arena):
-            made = [site, site if site.verdict.answer == "no" else _model_again(site, seed + 1, progress, ends)]
+            is_bad = site.verdict.answer == "no"
+            made = [site, site if is_bad else _model_again(site, seed + 1, progress, ends)]
         else:
             halves = split_readings(keep_low(crop_large(site, ends)) if isinstance(site, rc.Cloud) else site)
             made = [

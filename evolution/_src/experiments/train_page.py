@@ -34,9 +34,9 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     route = _make_route(film.positions, organism.scout.size[2])
     page = Page(
         "From a scan to a robot that drives there",
-        summary="Two models of the site share no reading: of the halves of a scan, or a mesh and the model of a scan of "
-        "it. A controller evolves from zero in the first; whether it drives is judged in the other, which evolution "
-        "never saw.",
+        summary="Two models of the site share no reading: those of two halves of a scan, or a mesh and the model of a "
+        "scan of it. A controller evolves from zero in the first; whether it drives is judged in the other, which "
+        "evolution never saw.",
         footer=f"symbrion train --seed {seed} · {describe_machine()}",
     )
     page.add_verdict(f"{str(result.verdict).capitalize()}.", good=result.verdict.answer == "yes")

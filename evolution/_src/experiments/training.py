@@ -25,7 +25,7 @@ class Training:
         other: model of the other half; of a mesh or an arena folder, which have no readings, that of a scan of it.
         verdict: whether the first model is good for a robot, with what the other half does not confirm.
         run: the evolution; `run.champion` drives.
-        held: where ("training", "other half", and "truth" where it is known) -> who drives ("champion", "doing nothing",
+        held: where ("training", "other half", "truth" where it is known) -> who drives ("champion", "doing nothing",
             "tracks forward") -> successes in `TRIALS` trials with fresh conditions.
         page: the report.
     """

@@ -15,6 +15,7 @@ from evolution._src.cli.main import run
 from evolution._src.experiments import train as training
 from evolution._src.experiments.train import choose_task, crop_large, keep_low, split_readings
 from evolution._src.experiments.train_page import _compare_models
+from reconstruction._src.base.progress import silent
 from symbrion_gym._src.contact.quality import ArenaQuality
 
 
