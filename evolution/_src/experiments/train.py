@@ -52,8 +52,12 @@ _TALLEST, _SQUARE = 2.0, 1.0  # Readings so far above the lowest of their square
 _COLUMN, _PARTS = 0.2, 4  # Width of columns of readings [m], and parts of the edge by which squares are apart
 _MOST = 0.9  # Share of the most columns of level ground that is nearly as many
 _LEVEL = 0.05  # Lowest readings of columns side by side that differ by less are of the same level ground [m]
-_NUM_PLACES, _EYE, _NUM_READINGS = 8, 0.3, 10_000
-"""Places from which a mesh is scanned, height of the scanner there [m], and points that each of them may see."""
+_NUM_PLACES, _EYE, _NUM_READINGS = 8, 0.3, 80_000
+"""Places from which a mesh is scanned, height of the scanner there [m], and about how many readings this gives ..."""
+_FIRST, _MOST_POINTS = (
+    1_000,
+    100_000,
+)  # ... of so many points of it at most; the first tell how many of them are seen
 _SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
 _AGREE = 0.02
 """Models that are this near to each other confirm each other [m], as contact does that holds a robot."""
@@ -218,7 +222,9 @@ def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:
     places = ground.positions[ground.is_drivable]
     chosen = np.random.default_rng(seed).permutation(len(places))[:_NUM_PLACES]
     viewpoints = places[chosen] + np.array([0.0, 0.0, _EYE])
-    points, seen_from = simulate_readings(site.surface, viewpoints, _NUM_READINGS)
+    num_seen = len(simulate_readings(site.surface, viewpoints, _FIRST)[0])
+    num_points = min(_FIRST * _NUM_READINGS // max(num_seen, 1), _MOST_POINTS)
+    points, seen_from = simulate_readings(site.surface, viewpoints, num_points)
     return rc.Cloud(points, viewpoints=viewpoints, seen_from=seen_from)
 
 
@@ -268,21 +274,22 @@ def make_models(
 ) -> list[sg.Arena]:
     """Return the models of both halves of a site, or a mesh and the model of a scan of it; kept ones from the folder.
 
-    Of a large site they are of the part around the `ends` of a way, or where most ground was read. The faces of each
-    that the other does not confirm are `unseen`.
+    Of a large site they are of the part around the `ends` of a way, or where most ground was read. The faces of a model
+    that the other, or the mesh, does not confirm are `unseen`.
     """
     folders = [folder / name for name in HALVES]
     if not (folders[0] / "arena.json").is_file():  # which is written last
         if isinstance(site, sg.Arena):
             is_bad = site.verdict.answer == "no"
-            made = [site, site if is_bad else _model_again(site, seed + 1, progress, ends)]
+            again = site if is_bad else _model_again(site, seed + 1, progress, ends)
+            made = [site, _mark_unconfirmed(again, site)]
         else:
             halves = split_readings(keep_low(crop_large(site, ends)) if isinstance(site, rc.Cloud) else site)
             made = [
                 _make_model(half, seed + k, HALVES[k], _part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: "))
                 for k, half in enumerate(halves)
             ]
-        made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
+            made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
         for arena, each in reversed(list(zip(made, folders, strict=True))):
             arena.save(each)
     return [sg.Arena.load(each) for each in folders]  # as files keep them: a resumed training reads the same

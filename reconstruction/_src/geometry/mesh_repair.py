@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.manifold import group_sides, make_winding
-from reconstruction._src.geometry.orientation import compute_components, split_fans
+from reconstruction._src.geometry.orientation import OPEN_SHARE, compute_components, split_fans
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
@@ -22,6 +22,7 @@ from reconstruction._src.geometry.rows import (
     compute_areas,
     compute_lengths,
     drop_unused,
+    sum_by_owner,
     sum_rows,
 )
 
@@ -39,6 +40,7 @@ _LONGEST = 5.0
 _MIN_ANGLE_DEG = 120.0  # ... and its corner off the rim has an angle above this [degrees]: it is low ...
 _MIN_BEND_DEG = 10.0
 """... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat ground is part of it."""
+_TOLD = 0.9  # Share of the area of a part that is wound alike, less the rest: its winding tells its outside
 _ROUNDS = 20  # Slivers behind slivers are removed, too, in no more rounds than these
 
 _logger = logging.getLogger(__name__)
@@ -53,7 +55,7 @@ class RepairConfig:
     # shares lose furniture.
     min_part: float = 3e-4
     # the winding tells where free space is: it stays, and parts that it parts come apart. Else neighbors are
-    # turned alike, closed parts outwards and open ones up.
+    # turned alike, closed parts as they are wound, if they are so throughout, or outwards, and open ones up.
     keeps_winding: bool = False
     drops_slivers: bool = False  # whether slivers at the rim of an open surface are dropped
 
@@ -88,9 +90,10 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
     if len(faces) > config.max_faces:
         vertices, faces = simplify(vertices, faces, config.max_faces)
     wound = faces if config.keeps_winding else make_winding(vertices, faces)
+    is_kept = (wound == faces).all(axis=1)
     vertices, faces = drop_unused(*split_fans(vertices, wound))
     if not config.keeps_winding:
-        faces = _turn_parts(vertices, faces)
+        faces = _turn_parts(vertices, faces, is_kept)
     repaired = trimesh.Trimesh(vertices, faces, process=False)
     # A solid has four vertices or more, and simulators want no fewer of a surface.
     return repaired if len(vertices) >= 4 else repaired.subdivide()
@@ -176,16 +179,25 @@ def _drop_small_parts(vertices: Vertices, faces: Faces, min_part: float) -> Int[
     return faces[is_kept]
 
 
-def _turn_parts(vertices: Vertices, faces: Faces) -> Faces:
-    """Return the faces, closed parts turned outwards, open ones up."""
+def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"]) -> Faces:
+    """Return the faces, open parts turned up, and closed ones and rooms as their file winds them.
+
+    Who scans a room winds it inwards: where nearly all of such a part was wound alike, that tells. Else closed parts
+    look outwards.
+    """
     part = compute_components(faces, len(vertices))
     normals = compute_area_vectors(vertices, faces)
-    middles = vertices[faces].mean(axis=1) - vertices.mean(axis=0)
-    volume, rise = np.bincount(part, sum_rows(normals * middles)), np.bincount(part, normals[:, 2])
+    middles, areas = vertices[faces].mean(axis=1) - vertices.mean(axis=0), compute_lengths(normals)
+    size, total = np.bincount(part, areas), sum_by_owner(part, normals, part.max() + 1)
+    kept, volume = (
+        np.bincount(part, np.where(is_kept, areas, -areas)),
+        np.bincount(part, sum_rows(normals * middles)),
+    )
     sides = group_sides(faces, len(vertices))
     rim = sides.slots[sides.starts[sides.counts == 1]] // 3
-    is_open = np.bincount(part[rim], minlength=len(rise)) > 0
-    is_wrong = np.where(is_open, rise < 0, volume < 0)
+    is_open = np.bincount(part[rim], minlength=len(size)) > 0
+    is_told = (np.abs(kept) > _TOLD * size) & ~(is_open & (compute_lengths(total) > OPEN_SHARE * size))
+    is_wrong = np.where(is_told, kept, np.where(is_open, total[:, 2], volume)) < 0
     return np.where(is_wrong[part][:, None], faces[:, ::-1], faces)
 
 

@@ -24,17 +24,25 @@ from reconstruction._src.geometry.sampling import count_votes
 _CUT_COST = 1.0
 """Cost of an edge of the rim, in its squared lengths, against the areas of the faces turned: a part is cut off from
 about 30 faces on. Lower, and single faces with noisy votes come loose; higher, and objects stay inside out."""
-_OPEN_SHARE = 0.2
+OPEN_SHARE = 0.2
 """A component whose normals sum to less than this share of its area counts as closed: those of a closed one cancel,
 those of a half sphere sum to half of it."""
 _INSIDE = 0.5
 """A closed component winds once around what is in it; one with a door or without a ceiling more than this."""
 _LEVEL = 0.9
 """A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
-_MOST_LEVEL, _LEAST_LEVEL = 4.0, 0.25
-"""Another axis than z points up where so many times more is level along it than along any other, and so much of all."""
-_SQUARE, _MOST_SQUARE, _LEAST_FLOOR = np.deg2rad(6.0), 2.0, 0.15
-"""Or that to which twice as much lies square, to this angle [rad], as to z, so much of it across, as floors do."""
+_SQUARE = np.deg2rad(6.0)  # What is square to an axis is so to this angle [rad]
+_LEAD, _LEAST_LEVEL, _LEAST_FLOOR, _MOST_LEVEL = 2.0, 0.25, 0.15, 4.0
+"""Where z is in doubt, another axis points up if so many times more is level along it than along any other, and so much
+of all, and so much is square to it, as floors are; or without these so many times more; or if so many times more of
+floors and walls is square to it than to z."""
+_BEATEN, _LEAST_SQUARE = 1.5, 0.06
+"""z is in doubt where another axis has so many times more of what floors and walls tell, z nowhere so much more, and
+floors square to it less than this share of the surface."""
+_UPRIGHT = 0.5  # A face stands upright where the upward part of its normal, of length 1, is below this
+_ON_FLOOR = 0.2  # What is so far from a floor is none of it [m]
+_LEAST_WALLS, _STANDING = 0.1, 3.0
+"""Walls of at least this share of the surface, so many times more of them below its floor than on it, hang."""
 _LOWEST = 0.15  # The bottom of a surface is this share of its height
 _LARGEST = 2.0**30  # Flows are 32-bit integers; the sum of the capacities at a face stays below
 
@@ -117,7 +125,7 @@ def orient_outwards(
     total = sum_by_owner(part, cross, count)
     center = sum_by_owner(part, middle, count) / np.bincount(part)[:, None]
     outwards = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
-    is_sheet = compute_lengths(total) > _OPEN_SHARE * area
+    is_sheet = compute_lengths(total) > OPEN_SHARE * area
     if viewpoint is None:
         forth = np.where(is_sheet, total[:, 2], outwards)
     else:
@@ -147,37 +155,73 @@ def looks_down_below(vertices: Vertices, faces: Faces) -> bool:
     return below < 0.0 < above
 
 
-def measure_level_areas(areas: Float[np.ndarray, "F 3"]) -> Float[np.ndarray, " 3"]:
-    """Return the share of the area whose normal lies along x, along y and along z, to 25 degrees, of area vectors."""
+def _measure_axes(areas: Float[np.ndarray, "F 3"]) -> Float[np.ndarray, "3 3"]:
+    """Return shares of the surface for x, y and z: what lies across it to 25 degrees; to 6; across or along it to 6."""
     size = compute_lengths(areas)
-    is_level = np.abs(areas) > _LEVEL * size[:, None]
-    return (size[:, None] * is_level).sum(axis=0) / max(float(size.sum()), np.finfo(float).tiny)
+    cosines = np.abs(areas) / np.maximum(size, np.finfo(float).tiny)[:, None]
+    level, floors = size @ (cosines > _LEVEL), size @ (cosines > np.cos(_SQUARE))
+    square = floors + size @ (cosines < np.sin(_SQUARE))
+    return np.stack([level, floors, square]) / max(float(size.sum()), np.finfo(float).tiny)
 
 
 def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 3"]) -> str | None:
-    """Return the axis that points up where it is not z beyond doubt: most of what is level lies along it.
+    """Return the axis that points up where z does not beyond doubt; None where it does, or where no other is sure.
 
-    Or floors lie across it and walls along it, and across and along z they do not: rooms stand at any angle about the
+    Most of what is level lies across it, or floors lie across it and walls along it: rooms stand at any angle about the
     vertical. Of its two directions that one in which more of the level area lies low, as floors do.
 
     Args:
         areas: normals of parts of the surface, each as long as its area.
         middles: where the parts lie.
     """
-    shares, size = measure_level_areas(areas), compute_lengths(areas)
-    axis = int(shares.argmax())
-    if axis == 2 or shares[axis] < max(_LEAST_LEVEL, _MOST_LEVEL * float(np.delete(shares, axis).max())):
-        cosines = np.abs(areas) / np.maximum(size, np.finfo(float).tiny)[:, None]
-        floors, walls = size @ (cosines > np.cos(_SQUARE)), size @ (cosines < np.sin(_SQUARE))
-        square = floors + walls
+    shares, size = _measure_axes(areas), compute_lengths(areas)
+    level, floors, square = shares
+    if not _is_beaten(shares):
+        return None
+    axis = int(level.argmax())
+    lead = level[axis] / max(float(np.delete(level, axis).max()), np.finfo(float).tiny)
+    if level[axis] < _LEAST_LEVEL or lead < (_LEAD if floors[axis] >= _LEAST_FLOOR else _MOST_LEVEL):
         axis = int(square.argmax())
-        if axis == 2 or square[axis] < _MOST_SQUARE * square[2] or floors[axis] < _LEAST_FLOOR * size.sum():
+        if square[axis] < _LEAD * square[2] or floors[axis] < _LEAST_FLOOR:
             return None
     height = middles[:, axis]
     level = np.where(np.abs(areas[:, axis]) > _LEVEL * size, size, 0.0)
     middle = (height.min() + height.max()) / 2
     is_low = float(level[height < middle].sum()) >= float(level[height >= middle].sum())
     return f"{'' if is_low else '-'}{'xyz'[axis]}"
+
+
+def _is_beaten(shares: Float[np.ndarray, "3 3"]) -> bool:
+    """Return whether another axis tells more of floors and walls than z, and z hardly more in anything."""
+    others = shares[:, :2].max(axis=1)
+    is_other = (others > _BEATEN * shares[:, 2]).any() and (shares[:, 2] < _BEATEN * others).all()
+    return bool(is_other and shares[1, 2] < _LEAST_SQUARE)
+
+
+def find_axis_doubt(areas: Float[np.ndarray, "F 3"]) -> str:
+    """Return in words why another axis than z may point up, of area vectors; nothing where it is z."""
+    shares = _measure_axes(areas)
+    if not _is_beaten(shares):
+        return ""
+    axis = int(shares[0, :2].argmax())
+    along, upright = 100 * shares[0, axis], 100 * shares[0, 2]
+    return f"z may not point up: {along:.0f} % of the surface is level along {'xy'[axis]}, {upright:.0f} % along z"
+
+
+def find_side_doubt(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 3"]) -> str:
+    """Return in words why a surface may be seen from the wrong side; nothing where its walls stand on its floor."""
+    size = compute_lengths(areas)
+    upward = np.where(areas[:, 2] > _LEVEL * size, size, 0.0)
+    order = np.argsort(middles[:, 2])
+    floor = np.searchsorted(np.cumsum(upward[order]), upward.sum() / 2)
+    rise = middles[:, 2] - middles[order[floor], 2]
+    walls = np.where(np.abs(areas[:, 2]) < _UPRIGHT * size, size, 0.0)
+    hung, stood = float(walls[rise < -_ON_FLOOR].sum()), float(walls[rise > _ON_FLOOR].sum())
+    if hung < max(_LEAST_WALLS * size.sum(), _STANDING * stood):
+        return ""
+    return (
+        "walls hang below its floor and hardly any stand on it: it is upside down, or a ceiling from outside"
+    )
 
 
 def _count_turns(vertices: Vertices, faces: Faces, viewpoints: Float[np.ndarray, "K 3"]) -> float:

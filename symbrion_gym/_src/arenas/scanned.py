@@ -152,7 +152,7 @@ def find_unseen(mesh: trimesh.Trimesh, points: Float[np.ndarray, "N 3"] | None) 
 
 
 def find_doubts(scanned: ScannedSurface) -> list[str]:
-    """Return what a user may have meant otherwise: a size that is none of a robot's place, a room without viewpoint."""
+    """Return what a user may have meant otherwise: a size that is none of a robot's place."""
     warnings = []
     vertices = np.asarray(scanned.mesh.vertices)
     if scanned.points is None and vertices.ndim == 2 and np.isfinite(vertices).all():
@@ -162,11 +162,6 @@ def find_doubts(scanned: ScannedSurface) -> list[str]:
                 f"{scanned.source}: {odd}; a mesh is read in meters: give its unit or scale (--unit, --scale) if it is "
                 "in another unit"
             )
-    if not scanned.is_oriented and scanned.mesh.is_watertight and scanned.mesh.volume < 0:
-        warnings.append(
-            f"{scanned.source}: a closed mesh whose faces look inwards is taken as a solid body; if it is a room, "
-            "give viewpoints (--viewpoint X Y Z)"
-        )
     return warnings
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from reconstruction._src.base.range_checks import format_distance, format_share
-from reconstruction._src.geometry.orientation import measure_level_areas
+from reconstruction._src.geometry.orientation import find_axis_doubt, find_side_doubt
 from reconstruction._src.geometry.rows import compute_area_vectors
 from reconstruction._src.geometry.sampling import sample_area
 from symbrion_gym._src.contact.kinds import HeightField
@@ -24,7 +24,6 @@ ROBOT = ScoutConfig.size[0]  # The robot that a verdict is about: a Scout [m]
 _HELD = 0.02  # Contact this near above or below the surface holds a robot there [m]
 _NUM_SAMPLES = 4000  # Samples of the ground: a share of 2 % is known to 0.2 %
 _ABOVE = 0.05  # Ground is looked for from this far above the surface [m]
-_OTHER_AXIS = 1.25  # So many times more area level along another axis than along z makes z doubtful
 
 # Limits beyond which a figure says "in part", and beyond which it says "no".
 _LOOSE = 0.02, 0.15  # Share of the seen level ground without contact that holds
@@ -85,7 +84,7 @@ def find_verdict(
         ground: where a Scout can drive; None where there is no ground.
     """
     figures = [
-        *_judge_up(surface, ground),
+        *_judge_up(surface),
         *_judge_ground(seen, contact, ground),
         *_judge_contact(quality),
         *_judge_unseen(surface, seen),
@@ -104,15 +103,18 @@ def _weigh(
         yield Reason(figure, value, answer, meaning, remedy)
 
 
-def _judge_up(surface: trimesh.Trimesh, ground: TraversabilityMap | None) -> Iterator[Reason]:
-    """Yield a doubt about the axis that points up, where there is hardly anything to drive on."""
-    shares = measure_level_areas(compute_area_vectors(surface.vertices, surface.faces))
-    axis, area = int(shares.argmax()), _find_area(ground)
-    if shares[axis] > _OTHER_AXIS * shares[2] and area < _LEAST_AREA[0]:
-        name, (along, upright) = "xyz"[axis], (format_share(float(each)) for each in shares[[axis, 2]])
-        meaning = f"{along} of the surface is level along {name} and {upright} along z"
-        remedy = "give the axis of the file that points up by --up"
-        yield Reason("up_axis", float(shares[2]), ANSWERS[1 + (area < _LEAST_AREA[1])], meaning, remedy)
+def _judge_up(surface: trimesh.Trimesh) -> Iterator[Reason]:
+    """Yield a doubt about the axis that points up; a closed body is as its file winds it."""
+    areas, middles = compute_area_vectors(surface.vertices, surface.faces), surface.triangles_center
+    doubt = find_axis_doubt(areas) or ("" if surface.is_watertight else find_side_doubt(areas, middles))
+    if doubt:
+        yield Reason(
+            "up_axis",
+            1.0,
+            "no",
+            doubt,
+            "give the axis that points up by --up, or where the scanner stood by --viewpoint",
+        )
 
 
 def _judge_ground(

@@ -62,18 +62,19 @@ def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: p
 
 @pytest.mark.slow
 def test_a_mesh_is_checked_by_the_model_of_a_scan_of_it(tmp_path: Path) -> None:
-    """The scan sees a floor with a wall on it from both sides, but not the bottom of the floor."""
-    bounds = ((-1.5, -1.5, -0.1), (1.5, 1.5, 0.0)), ((-0.05, -1.5, 0.0), (0.05, 0.9, 0.6))
-    parts = [trimesh.creation.box(bounds=each).subdivide().subdivide().subdivide() for each in bounds]
-    site = sg.make_arena(trimesh.util.concatenate(parts))
+    """The scan sees a floor of few faces with a wall on it from both sides, but not the bottom of the floor."""
+    bounds = ((-1.5, -1.5, -0.1), (1.5, 1.5, 0.0)), ((-0.05, -1.5, 0.0), (0.05, 0.9, 0.2))
+    site = sg.make_arena(trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in bounds]))
     scan = training.scan_mesh(site, 0)
     away = find_nearest(scan.points, np.asarray(site.surface.vertices), np.asarray(site.surface.faces))[0]
     assert away.max() < 1e-6
-    assert scan.points[:, 2].min() > -1e-6
+    assert scan.points[:, 2].min() > -1e-3  # grazing beams see so much of its sides
     one, other = training.make_models(site, tmp_path, 0, silent)
-    assert other.height(0.0, 0.0) == pytest.approx(0.6, abs=0.05)
+    assert other.height(0.0, 0.0) == pytest.approx(0.2, abs=0.02)
     assert np.abs(np.asarray(other.height(np.array([-1.0, 1.0]), np.zeros(2)))).max() < 0.01
-    assert one.seen_surface.area < 0.6 * one.surface.area  # its bottom is not confirmed
+    assert one.unseen == ()
+    places = training._find_confirmed([one, other], sg.snake(1), None)[0]
+    assert len(places) > 0.3 * one.traversability(sg.snake(1)).is_drivable.sum()
 
 
 @pytest.mark.parametrize(

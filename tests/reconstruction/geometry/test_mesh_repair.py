@@ -42,10 +42,24 @@ def test_what_was_turned_to_who_saw_it_stays_so(terrain):
     assert ((repaired.face_normals[:, 2] < 0) == (repaired.triangles_center[:, 0] < 1.0)).all()
 
 
-def test_a_closed_body_is_turned_outwards():
-    box = trimesh.creation.box((1, 1, 1))
-    inside_out = trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False)
-    assert repair_mesh(inside_out).volume == pytest.approx(1.0)
+def test_a_closed_body_and_a_room_are_as_they_are_wound():
+    """A room wound inwards is one whether its file joins its vertices or not, with a ceiling larger than its floor."""
+    box = trimesh.creation.box((4, 3, 2)).subdivide().subdivide()
+    assert repair_mesh(box).volume == pytest.approx(24.0)
+    inside = box.faces[:, ::-1]
+    assert repair_mesh(trimesh.Trimesh(box.vertices, inside, process=False)).volume == pytest.approx(-24.0)
+    middle = box.triangles_center
+    inside = inside[~((middle[:, 2] < -0.9) & (middle[:, 0] < -1.0))]  # a part of the floor was not seen
+    soup = trimesh.Trimesh(box.vertices[inside.ravel()], np.arange(inside.size).reshape(-1, 3), process=False)
+    repaired = repair_mesh(soup)
+    assert repaired.face_normals[repaired.triangles_center[:, 2] < -0.9, 2].min() > 0.9
+
+
+def test_a_closed_body_that_is_wound_at_random_looks_outwards():
+    box = trimesh.creation.box((4, 3, 2)).subdivide().subdivide()
+    is_flipped = np.random.default_rng(0).random(len(box.faces)) < 0.7
+    faces = np.where(is_flipped[:, None], box.faces[:, ::-1], box.faces)
+    assert repair_mesh(trimesh.Trimesh(box.vertices, faces, process=False)).volume == pytest.approx(24.0)
 
 
 def test_useless_faces_go(terrain):

@@ -6,6 +6,8 @@ import trimesh
 
 from reconstruction._src.geometry.orientation import (
     compute_components,
+    find_axis_doubt,
+    find_side_doubt,
     looks_down_below,
     orient_outwards,
     orient_to_viewpoints,
@@ -75,6 +77,28 @@ def test_a_room_from_outside_looks_down_below_and_terrain_does_not():
     assert not looks_down_below(vertices, faces[box.triangles_center[:, 2] > 1.2])
     assert not looks_down_below(np.eye(3), np.array([[0, 1, 2]]))
     assert not looks_down_below(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+
+
+def test_walls_stand_on_a_floor_or_it_is_seen_from_the_wrong_side():
+    room = trimesh.creation.box([4.0, 3.0, 2.5]).subdivide()
+    room.update_faces(room.triangles_center[:, 2] < 1.2)  # no ceiling
+    room.invert()
+    areas, middles = compute_area_vectors(room.vertices, room.faces), room.triangles_center
+    assert not find_side_doubt(areas, middles)
+    assert "upside down" in find_side_doubt(areas, -middles)
+    assert not find_side_doubt(areas, 0.05 * middles)  # too low to hang
+    assert not find_side_doubt(
+        *(np.concatenate([each, -each]) for each in (areas, middles))
+    )  # walls on it, too
+
+
+def test_another_axis_than_z_is_doubted_only_where_it_tells_more():
+    floor, walls = np.array([[0.0, 0.0, 1.0]]), np.array([[2.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    tilted = 0.3 * np.array([[0.0, np.sin(0.2), np.cos(0.2)]])  # no floor square to z
+    assert not find_axis_doubt(np.concatenate([floor, walls]))
+    assert not find_axis_doubt(np.concatenate([0.3 * floor, walls]))  # few, but square
+    assert "level along x" in find_axis_doubt(np.concatenate([tilted, walls]))
+    assert not find_axis_doubt(np.concatenate([tilted, 0.1 * walls]))
 
 
 def test_walls_of_a_room_are_voted_for_from_within_and_others_not_at_all():

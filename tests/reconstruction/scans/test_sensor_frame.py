@@ -208,7 +208,7 @@ def test_up_of_a_room_is_where_floors_lie_across_and_walls_along(up: str) -> Non
 
 def test_a_scanner_between_long_walls_is_not_turned(tmp_path: Path) -> None:
     """Its few level beams hardly meet the floor, so that most of what is flat looks sideways."""
-    heading, rise = np.meshgrid(np.linspace(-np.pi, np.pi, 1800), np.deg2rad(np.linspace(-15, 15, 16)))
+    heading, rise = np.meshgrid(np.linspace(-np.pi, np.pi, 1800), np.deg2rad(np.linspace(-10, 10, 16)))
     rays = np.column_stack(
         [
             (np.cos(rise) * np.cos(heading)).ravel(),

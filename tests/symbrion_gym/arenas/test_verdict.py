@@ -90,6 +90,17 @@ def test_a_mesh_whose_floor_lies_along_y_is_turned_upright(
     assert "level along y" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("turns", "answer"), [(0, "yes"), (2, "no")])
+def test_a_room_upside_down_is_good_for_no_robot(turns: int, answer: str) -> None:
+    room = trimesh.creation.box([4.0, 3.0, 2.5]).subdivide()
+    room.update_faces(room.triangles_center[:, 2] < 1.2)
+    room.invert()
+    room.apply_transform(trimesh.transformations.rotation_matrix(turns * np.pi / 2, [1, 0, 0]))
+    verdict = sg.make_arena(room, cache=False).verdict
+    assert verdict.answer == answer
+    assert ("up_axis" in [each.figure for each in verdict.reasons]) == (answer == "no")
+
+
 def test_beams_without_return_are_dropped_and_counted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -316,8 +316,9 @@ def _find_groups(
     return (is_surface & (size >= _MIN_SAMPLES))[group]
 
 
+@np.errstate(divide="ignore", invalid="ignore")
 def _compute_flatness(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, " M"]:
-    """Return the least variance of neighborhoods over their largest."""
+    """Return the least variance of neighborhoods over their largest; nan where all points are at one place."""
     offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
     variance = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)
-    return variance[:, 0] / np.maximum(variance[:, 2], 1e-300)
+    return variance[:, 0] / variance[:, 2]

@@ -176,8 +176,9 @@ def _is_line(neighborhoods: Float[np.ndarray, "M K 3"]) -> Bool[np.ndarray, " M"
     return _find_spread(neighborhoods)[:, 1] < _LINE_VARIANCE
 
 
+@np.errstate(divide="ignore", invalid="ignore")
 def _find_spread(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, "M 3"]:
-    """Return the variances of neighborhoods along their axes, largest first and relative to it."""
+    """Return the variances of neighborhoods along their axes, largest first and relative to it; nan at one place."""
     offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
     variances = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)[:, ::-1]
-    return variances / np.maximum(variances[:, :1], 1e-300)
+    return variances / variances[:, :1]
