@@ -32,7 +32,7 @@ _INSIDE = 0.5
 _LEVEL = 0.9
 """A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
 _SQUARE = np.deg2rad(6.0)  # What is square to an axis is so to this angle [rad]
-_LEAD, _LEAST_LEVEL, _LEAST_FLOOR, _MOST_LEVEL = 2.0, 0.25, 0.15, 4.0
+_LEAD, _LEAST_LEVEL, _LEAST_FLOOR, _MOST_LEVEL = 2.0, 0.25, 0.1, 4.0
 """Where z is in doubt, another axis points up if so many times more is level along it than along any other, and so much
 of all, and so much is square to it, as floors are; or without these so many times more; or if so many times more of
 floors and walls is square to it than to z."""
@@ -194,7 +194,7 @@ def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 
 def _is_beaten(shares: Float[np.ndarray, "3 3"]) -> bool:
     """Return whether another axis tells more of floors and walls than z, and z hardly more in anything."""
     others = shares[:, :2].max(axis=1)
-    is_other = (others > _BEATEN * shares[:, 2]).any() and (shares[:, 2] < _BEATEN * others).all()
+    is_other = (others > _BEATEN * shares[:, 2]).any() and (shares[:, 2] <= _BEATEN * others).all()
     return bool(is_other and shares[1, 2] < _LEAST_SQUARE)
 
 

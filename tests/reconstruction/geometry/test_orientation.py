@@ -8,6 +8,7 @@ from reconstruction._src.geometry.orientation import (
     compute_components,
     find_axis_doubt,
     find_side_doubt,
+    find_up_axis,
     looks_down_below,
     orient_outwards,
     orient_to_viewpoints,
@@ -83,13 +84,14 @@ def test_walls_stand_on_a_floor_or_it_is_seen_from_the_wrong_side():
     room = trimesh.creation.box([4.0, 3.0, 2.5]).subdivide()
     room.update_faces(room.triangles_center[:, 2] < 1.2)  # no ceiling
     room.invert()
+    room.apply_translation([0.0, 0.0, 1.25])
     areas, middles = compute_area_vectors(room.vertices, room.faces), room.triangles_center
+    hanging = middles * [1.0, 1.0, -1.0]
     assert not find_side_doubt(areas, middles)
-    assert "upside down" in find_side_doubt(areas, -middles)
-    assert not find_side_doubt(areas, 0.05 * middles)  # too low to hang
-    assert not find_side_doubt(
-        *(np.concatenate([each, -each]) for each in (areas, middles))
-    )  # walls on it, too
+    assert "upside down" in find_side_doubt(areas, hanging)
+    assert not find_side_doubt(areas, 0.08 * hanging)  # too low to hang
+    both = np.concatenate([areas, areas]), np.concatenate([middles, hanging])
+    assert not find_side_doubt(*both)
 
 
 def test_another_axis_than_z_is_doubted_only_where_it_tells_more():
@@ -98,7 +100,10 @@ def test_another_axis_than_z_is_doubted_only_where_it_tells_more():
     assert not find_axis_doubt(np.concatenate([floor, walls]))
     assert not find_axis_doubt(np.concatenate([0.3 * floor, walls]))  # few, but square
     assert "level along x" in find_axis_doubt(np.concatenate([tilted, walls]))
-    assert not find_axis_doubt(np.concatenate([tilted, 0.1 * walls]))
+    assert not find_axis_doubt(np.concatenate([tilted, 0.05 * walls]))
+    rough = np.tile([[0.0, np.cos(0.3), np.sin(0.3)]], (5, 1))  # square to nothing
+    assert find_up_axis(np.concatenate([rough, tilted]), np.arange(18.0).reshape(6, 3)) == "y"
+    assert find_up_axis(np.concatenate([rough, 6 * tilted]), np.arange(18.0).reshape(6, 3)) is None
 
 
 def test_walls_of_a_room_are_voted_for_from_within_and_others_not_at_all():

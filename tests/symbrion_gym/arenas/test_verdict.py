@@ -101,6 +101,11 @@ def test_a_room_upside_down_is_good_for_no_robot(turns: int, answer: str) -> Non
     assert ("up_axis" in [each.figure for each in verdict.reasons]) == (answer == "no")
 
 
+def test_a_closed_block_is_driven_on_from_above() -> None:
+    """Its sides hang below its top as those of a ceiling do, but its file winds it outwards."""
+    assert sg.make_arena(trimesh.creation.box((3.0, 3.0, 1.0)), cache=False).verdict.answer == "yes"
+
+
 def test_beams_without_return_are_dropped_and_counted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
