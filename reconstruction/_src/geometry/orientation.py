@@ -32,10 +32,9 @@ _INSIDE = 0.5
 _LEVEL = 0.9
 """A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
 _SQUARE = np.deg2rad(6.0)  # What is square to an axis is so to this angle [rad]
-_LEAD, _LEAST_LEVEL, _LEAST_FLOOR, _MOST_LEVEL = 2.0, 0.25, 0.1, 4.0
-"""Where z is in doubt, another axis points up if so many times more is level along it than along any other, and so much
-of all, and so much is square to it, as floors are; or without these so many times more; or if so many times more of
-floors and walls is square to it than to z."""
+_LEAD, _LEAST_FLOOR, _LEAST_LEVEL = 4.0, 0.1, 0.25
+"""Where z is in doubt, another axis points up if so many times more is square to it than to any other, and so much of
+all, as floors are at any angle of a room about the vertical; or if so much is level along it, as rough ground is."""
 _BEATEN, _LEAST_SQUARE = 1.5, 0.06
 """z is in doubt where another axis has so many times more of what floors and walls tell, z nowhere so much more, and
 floors square to it less than this share of the surface."""
@@ -167,28 +166,30 @@ def _measure_axes(areas: Float[np.ndarray, "F 3"]) -> Float[np.ndarray, "3 3"]:
 def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 3"]) -> str | None:
     """Return the axis that points up where z does not beyond doubt; None where it does, or where no other is sure.
 
-    Most of what is level lies across it, or floors lie across it and walls along it: rooms stand at any angle about the
-    vertical. Of its two directions that one in which more of the level area lies low, as floors do.
+    Of its two directions that in which more of the level area lies low, as floors do; of a room, whose floor and
+    ceiling look at each other, the positive one, as most formats have it.
 
     Args:
-        areas: normals of parts of the surface, each as long as its area.
+        areas: normals of parts of the surface, each as long as its area; of points of either sign.
         middles: where the parts lie.
     """
     shares, size = _measure_axes(areas), compute_lengths(areas)
-    level, floors, square = shares
     if not _is_beaten(shares):
         return None
-    axis = int(level.argmax())
-    lead = level[axis] / max(float(np.delete(level, axis).max()), np.finfo(float).tiny)
-    if level[axis] < _LEAST_LEVEL or lead < (_LEAD if floors[axis] >= _LEAST_FLOOR else _MOST_LEVEL):
-        axis = int(square.argmax())
-        if square[axis] < _LEAD * square[2] or floors[axis] < _LEAST_FLOOR:
-            return None
+    for share, least in ((shares[1], _LEAST_FLOOR), (shares[0], _LEAST_LEVEL)):
+        axis = int(share.argmax())
+        if share[axis] >= max(least, _LEAD * float(np.delete(share, axis).max())):
+            break
+    else:
+        return None
     height = middles[:, axis]
-    level = np.where(np.abs(areas[:, axis]) > _LEVEL * size, size, 0.0)
-    middle = (height.min() + height.max()) / 2
-    is_low = float(level[height < middle].sum()) >= float(level[height >= middle].sum())
-    return f"{'' if is_low else '-'}{'xyz'[axis]}"
+    level = np.where(np.abs(areas[:, axis]) > _LEVEL * size, areas[:, axis], 0.0)
+    is_high = height >= (height.min() + height.max()) / 2
+    (low, low_up), (high, high_up) = (
+        (np.abs(each).sum(), each.sum()) for each in (level[~is_high], level[is_high])
+    )
+    is_room = low_up > low / 2 and high_up < -high / 2
+    return f"{'' if low >= high or is_room else '-'}{'xyz'[axis]}"
 
 
 def _is_beaten(shares: Float[np.ndarray, "3 3"]) -> bool:

@@ -106,6 +106,18 @@ def test_another_axis_than_z_is_doubted_only_where_it_tells_more():
     assert find_up_axis(np.concatenate([rough, 6 * tilted]), np.arange(18.0).reshape(6, 3)) is None
 
 
+def test_a_room_with_more_ceiling_than_floor_has_its_axis_upwards():
+    room = trimesh.creation.box([4.0, 2.5, 3.0]).subdivide().subdivide()
+    room.invert()
+    room.apply_transform(trimesh.transformations.rotation_matrix(0.3, [0, 1, 0]))
+    is_floor = room.triangles_center[:, 1] < -1.2
+    room.update_faces(~is_floor | (np.arange(len(is_floor)) % 2 == 0))
+    areas, middles = np.asarray(room.face_normals * room.area_faces[:, None]), room.triangles_center
+    assert find_up_axis(areas, middles) == "y"
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (len(areas), 1))
+    assert find_up_axis(signs * areas, middles) == "-y"  # points do not tell a ceiling from a floor
+
+
 def test_walls_of_a_room_are_voted_for_from_within_and_others_not_at_all():
     vertices, faces = make_box()
     points = sample_area(vertices, faces, 4000)
