@@ -192,6 +192,12 @@ def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 
     return f"{'' if low >= high or is_room else '-'}{'xyz'[axis]}"
 
 
+def is_y_likely(areas: Float[np.ndarray, "F 3"]) -> bool:
+    """Return whether more than half as much is level along y as along z, of area vectors."""
+    level = _measure_axes(areas)[0]
+    return bool(level[1] > level[2] / 2)
+
+
 def _is_beaten(shares: Float[np.ndarray, "3 3"]) -> bool:
     """Return whether another axis tells more of floors and walls than z, and z hardly more in anything."""
     others = shares[:, :2].max(axis=1)

@@ -16,7 +16,12 @@ from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.geometry.manifold import make_winding
 from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
-from reconstruction._src.geometry.orientation import find_up_axis, looks_down_below, orient_to_viewpoints
+from reconstruction._src.geometry.orientation import (
+    find_up_axis,
+    is_y_likely,
+    looks_down_below,
+    orient_to_viewpoints,
+)
 from reconstruction._src.geometry.rows import compute_area_vectors, compute_areas
 from reconstruction._src.geometry.sampling import count_votes, sample_area
 from reconstruction._src.scans.cloud import Cloud
@@ -178,7 +183,7 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
             if path.suffix.lower() != ".npz":
                 mesh = load_mesh(path, *frame)
                 if frame.up is None:
-                    _turn_upright(mesh, name)
+                    _turn_upright(mesh, path, name)
                 x, y, z = map(float, mesh.metadata["offset"])
                 colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
                 return ScannedSurface(mesh, name, offset=(x, y, z), colored=colored)
@@ -195,11 +200,16 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
     return ScannedSurface(mesh, name, colored=sample_mesh_colors(surface, placed))
 
 
-def _turn_upright(mesh: trimesh.Trimesh, name: str) -> None:
-    """Turn a mesh whose floors face along another axis than z, and log it."""
+def _turn_upright(mesh: trimesh.Trimesh, path: Path, name: str) -> None:
+    """Turn a mesh whose floors face along another axis than z, and log it; refuse an .obj that may have y up."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    up = find_up_axis(compute_area_vectors(vertices, faces), vertices[faces].mean(axis=1))
+    areas = compute_area_vectors(vertices, faces)
+    up = find_up_axis(areas, vertices[faces].mean(axis=1))
     if up is None:
+        if path.suffix.lower() == ".obj" and is_y_likely(areas):
+            raise ArenaError(
+                f"{name}: y or z may point up, most programs write .obj with y; give --up y or --up z (up='y')"
+            )
         return
     _logger.warning("%s: %s is taken for up, as floors face along it; --up says otherwise", name, up)
     axes = np.array(UP_AXES[up], dtype=np.float64)

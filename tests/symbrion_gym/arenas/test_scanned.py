@@ -28,6 +28,20 @@ def test_a_mesh_in_millimeters_is_asked_about():
     assert "another unit" in doubt
 
 
+def test_an_obj_of_a_room_says_which_axis_points_up(tmp_path):
+    room = trimesh.creation.box([4.0, 2.5, 3.0])  # as much square to one axis as to another
+    room.export(tmp_path / "room.obj")
+    room.export(tmp_path / "room.ply")
+    with pytest.raises(ArenaError, match=r"room\.obj: y or z may point up.* --up y"):
+        take_surface(tmp_path / "room.obj")
+    for up, height in (("y", 2.5), ("z", 3.0)):
+        seen = take_surface(tmp_path / "room.obj", frame=MeshFrame(up=up)).mesh
+        assert np.ptp(seen.vertices[:, 2]) == pytest.approx(height)
+    assert np.ptp(take_surface(tmp_path / "room.ply").mesh.vertices[:, 2]) == pytest.approx(3.0)
+    trimesh.creation.box([4.0, 4.0, 0.5]).export(tmp_path / "plate.obj")
+    take_surface(tmp_path / "plate.obj")
+
+
 def test_a_room_seen_from_inside_is_hollow():
     room = trimesh.creation.box([4.0, 3.0, 2.5]).subdivide()
     arena = make_arena(room, viewpoints=[0.0, 0.0, 0.0], cache=False)
