@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.manifold import group_sides, make_winding
-from reconstruction._src.geometry.orientation import OPEN_SHARE, compute_components, split_fans
+from reconstruction._src.geometry.orientation import OPEN_SHARE, compute_components, is_room, split_fans
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
@@ -182,8 +182,8 @@ def _drop_small_parts(vertices: Vertices, faces: Faces, min_part: float) -> Int[
 def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"]) -> Faces:
     """Return the faces, open parts turned up, and closed ones and rooms as their file winds them.
 
-    Who scans a room winds it inwards: where nearly all of such a part was wound alike, that tells. Else closed parts
-    look outwards.
+    Who scans a room winds it inwards: where nearly all of such a part was wound alike, that tells, of all parts of a
+    surface whose floors look up and whose ceilings down. Else closed parts look outwards.
     """
     part = compute_components(faces, len(vertices))
     normals = compute_area_vectors(vertices, faces)
@@ -196,7 +196,9 @@ def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"
     sides = group_sides(faces, len(vertices))
     rim = sides.slots[sides.starts[sides.counts == 1]] // 3
     is_open = np.bincount(part[rim], minlength=len(size)) > 0
-    is_told = (np.abs(kept) > _TOLD * size) & ~(is_open & (compute_lengths(total) > OPEN_SHARE * size))
+    is_sheet = is_open & (compute_lengths(total) > OPEN_SHARE * size)
+    is_inside = is_room(np.where(is_kept, normals[:, 2], -normals[:, 2]), areas, middles[:, 2])
+    is_told = (np.abs(kept) > _TOLD * size) & ~(is_sheet & ~is_inside)
     is_wrong = np.where(is_told, kept, np.where(is_open, total[:, 2], volume)) < 0
     return np.where(is_wrong[part][:, None], faces[:, ::-1], faces)
 

@@ -182,14 +182,27 @@ def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 
             break
     else:
         return None
-    height = middles[:, axis]
-    level = np.where(np.abs(areas[:, axis]) > _LEVEL * size, areas[:, axis], 0.0)
-    is_high = height >= (height.min() + height.max()) / 2
-    (low, low_up), (high, high_up) = (
-        (np.abs(each).sum(), each.sum()) for each in (level[~is_high], level[is_high])
-    )
-    is_room = low_up > low / 2 and high_up < -high / 2
-    return f"{'' if low >= high or is_room else '-'}{'xyz'[axis]}"
+    height, rise = middles[:, axis], areas[:, axis]
+    level = np.where(np.abs(rise) > _LEVEL * size, np.abs(rise), 0.0)
+    is_low = height < (height.min() + height.max()) / 2
+    sign = "" if level[is_low].sum() >= level[~is_low].sum() or is_room(rise, size, height) else "-"
+    return f"{sign}{'xyz'[axis]}"
+
+
+def is_room(
+    rise: Float[np.ndarray, " F"], size: Float[np.ndarray, " F"], height: Float[np.ndarray, " F"]
+) -> bool:
+    """Return whether level faces look up in the lower half of a surface, and down in the upper one.
+
+    Args:
+        rise: part of the area vectors along the axis that points up.
+        size: areas of the faces.
+        height: of their middles.
+    """
+    level = np.where(np.abs(rise) > _LEVEL * size, rise, 0.0)
+    is_low = height < (height.min() + height.max()) / 2
+    low, high = level[is_low], level[~is_low]
+    return bool(low.sum() > np.abs(low).sum() / 2 and high.sum() < -np.abs(high).sum() / 2)
 
 
 def is_y_likely(areas: Float[np.ndarray, "F 3"]) -> bool:

@@ -55,6 +55,16 @@ def test_a_closed_body_and_a_room_are_as_they_are_wound():
     assert repaired.face_normals[repaired.triangles_center[:, 2] < -0.9, 2].min() > 0.9
 
 
+def test_a_ceiling_apart_from_its_floor_looks_down():
+    room = trimesh.creation.box((4, 3, 2)).subdivide().subdivide()
+    room.invert()
+    room.update_faces(np.abs(room.face_normals[:, 2]) > 0.9)  # no walls
+    for seen, is_down in ((room, True), (trimesh.Trimesh(room.vertices, room.faces[:, ::-1]), False)):
+        repaired = repair_mesh(seen)
+        assert (repaired.face_normals[:, 2] > 0).all(where=repaired.triangles_center[:, 2] < 0)
+        assert ((repaired.face_normals[:, 2] < 0) == is_down).all(where=repaired.triangles_center[:, 2] > 0)
+
+
 def test_a_closed_body_that_is_wound_at_random_looks_outwards():
     box = trimesh.creation.box((4, 3, 2)).subdivide().subdivide()
     is_flipped = np.random.default_rng(0).random(len(box.faces)) < 0.7
