@@ -37,6 +37,7 @@ def make_cloud(
             viewpoints=viewpoints,
             seen_from=None if seen_from is None else np.asarray(seen_from),
             offset=np.zeros(3) if given is None else given.offset,
+            up=None if given is None else given.up,
         )
     except ScanError as error:
         raise ReconstructionError(str(error)) from error

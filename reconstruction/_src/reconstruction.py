@@ -84,6 +84,8 @@ class Reconstruction:
         self.colors, self.offset = cloud.colors, cloud.offset
         self.readings = cloud if readings is None else readings
         self.notes = dict(notes or {})
+        if self.readings.up:
+            self.notes["up"] = self.readings.up
         self.slip = slip
         self.mesh = self._make_mesh()
         if cloud.offset.any():
@@ -187,12 +189,12 @@ class Reconstruction:
         keep_compiled_programs()
         state, is_valid = self._train_again(new, seed, progress, seen_from, free)
         valid, added = self.cloud.select(is_valid), make_cloud_of_rays(new, seen_from, self.offset)
-        notes: dict[str, Any] = {}
+        notes = {name: self.notes[name] for name in ("up",) if name in self.notes}
         if colors is not None or self.colors is not None:
             from reconstruction._src.surfaces.color import match_colors
 
             added, note = match_colors(valid, added.replace(colors=colors))
-            notes = {"colors": note} if note else {}
+            notes |= {"colors": note} if note else {}
         cloud = join_clouds(valid, added)
         return Reconstruction(self.method, self.config, state, cloud, notes=notes, slip=felt)
 

@@ -54,10 +54,10 @@ _MOST = 0.9  # Share of the most columns of level ground that is nearly as many
 _LEVEL = 0.05  # Lowest readings of columns side by side that differ by less are of the same level ground [m]
 _NUM_PLACES, _EYE, _NUM_READINGS = 8, 0.3, 80_000
 """Places from which a mesh is scanned, height of the scanner there [m], and about how many readings this gives ..."""
-_FIRST, _MOST_POINTS = (
-    1_000,
+_MOST_POINTS, _FIRST = (
     100_000,
-)  # ... of so many points of it at most; the first tell how many of them are seen
+    1_000,
+)  # ... of so many points at most; the first tell how many of them are seen
 _SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
 _AGREE = 0.02
 """Models that are this near to each other confirm each other [m], as contact does that holds a robot."""
@@ -177,7 +177,8 @@ def _digest(site: Site) -> str:
         arrays = [site.points, *(() if site.viewpoints is None else (site.viewpoints,))]
     else:
         arrays = [np.asarray(site.surface.vertices), np.asarray(site.surface.faces)]
-    found = hashlib.sha256()
+    up = site.up if isinstance(site, rc.Cloud) else getattr(site, "provenance", {}).get("up")
+    found = hashlib.sha256(repr(up).encode())
     for array in arrays:
         found.update(np.ascontiguousarray(array).tobytes())
     return found.hexdigest()
@@ -225,7 +226,7 @@ def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:
     num_seen = len(simulate_readings(site.surface, viewpoints, _FIRST)[0])
     num_points = min(_FIRST * _NUM_READINGS // max(num_seen, 1), _MOST_POINTS)
     points, seen_from = simulate_readings(site.surface, viewpoints, num_points)
-    return rc.Cloud(points, viewpoints=viewpoints, seen_from=seen_from)
+    return rc.Cloud(points, viewpoints=viewpoints, seen_from=seen_from, up=site.provenance.get("up"))
 
 
 def keep_low(site: rc.Cloud) -> rc.Cloud:

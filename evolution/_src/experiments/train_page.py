@@ -22,6 +22,9 @@ from symbrion_gym._src.traversability.routes import DrivingRoute
 
 _GROUND, _UNSEEN = "#cfd3da", "#e7a08f"  # Colors of the surface, and of what both halves do not confirm
 
+_STEEP, _HIDING = 0.5, 0.15
+"""Faces whose normal, of length 1, rises less are walls or ceilings; so far above the body [m] they would hide it."""
+
 
 def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     """Write the page of a training as one self-contained HTML file, with a film in the last arena that judges."""
@@ -107,16 +110,25 @@ def _make_route(positions: np.ndarray, height: float) -> DrivingRoute:
 
 
 def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
-    """Return the site with what nobody saw in another color, and the path of the body."""
+    """Return the site and the path of the body; what nobody saw in another color, walls and ceilings on a switch."""
     scene = Scene(
         focus=positions.reshape(-1, 3), command="symbrion train SCAN --out NEW --start START --goal GOAL"
     )
-    scene.add_surface("surface", arena.seen_surface, _GROUND)
-    if arena.unseen:
-        faces = np.asarray(arena.surface.faces)[list(arena.unseen)]
-        scene.add_surface(
-            "not confirmed", trimesh.Trimesh(arena.surface.vertices, faces, process=False), _UNSEEN
-        )
+    mesh, top = arena.surface, float(positions[..., 2].max()) + _HIDING
+    is_high = (mesh.face_normals[:, 2] < _STEEP) & (mesh.triangles[:, :, 2].max(axis=1) > top)
+    is_unseen = np.isin(np.arange(len(mesh.faces)), arena.unseen)
+    for name, chosen, color, is_shown in (
+        ("surface", ~is_high & ~is_unseen, _GROUND, True),
+        ("not confirmed", ~is_high & is_unseen, _UNSEEN, True),
+        ("walls and ceilings", is_high, _GROUND, False),
+    ):
+        if chosen.any():
+            part = (
+                mesh.copy() if color == _GROUND else trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+            )
+            part.update_faces(chosen)
+            part.remove_unreferenced_vertices()
+            scene.add_surface(name, part, color, is_shown)
     scene.add_path("champion", positions)
     return scene
 

@@ -26,6 +26,7 @@ class Cloud:
         seen_from: `[N]` index of the viewpoint that each point was seen from, or None where that is unknown. With
             a single viewpoint it is filled in.
         offset: `[3]` what was subtracted from the file's coordinates: points + offset stand where the file says [m].
+        up: axis of the file that the user said points up, which nothing doubts then; None: nobody said it.
 
     Raises:
         ScanError: arrays of other shapes, values that are not finite, or an index without a viewpoint.
@@ -36,6 +37,7 @@ class Cloud:
     viewpoints: Float[np.ndarray, "K 3"] | None = None
     seen_from: Int[np.ndarray, " N"] | None = None
     offset: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
+    up: str | None = None
 
     def __post_init__(self) -> None:
         points = _as_positions("points", self.points)

@@ -216,6 +216,7 @@ def _make_cloud(
             None if raw.colors is None else raw.colors[chosen],
             None if raw.viewpoints is None else to_meters(raw.viewpoints, raw, unit, up, scale),
             None if raw.seen_from is None else raw.seen_from[chosen],
+            up=up,
         )
     except ScanError as error:
         raise ScanError(f"{path}: {error}") from error

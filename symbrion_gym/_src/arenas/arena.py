@@ -211,7 +211,8 @@ class Arena:
             ground = self.traversability()
         except ArenaError:  # there is none
             ground = None
-        return find_verdict(self.surface, self.seen_surface, contact, self.quality, ground)
+        is_upright = self.provenance.get("up") is not None
+        return find_verdict(self.surface, self.seen_surface, contact, self.quality, ground, is_upright)
 
     def find_route(
         self,

@@ -203,6 +203,7 @@ def make_arena(
         "warnings": warnings,
         **({"cut": scanned.cut} if scanned.cut else {}),
         "viewpoints": _choose_positions(scanned.viewpoints),
+        "up": scanned.up,
     }
     made_kind = "convex" if contact.height_field is None else "hfield"
     arena = Arena(

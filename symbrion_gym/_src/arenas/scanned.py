@@ -81,6 +81,7 @@ class ScannedSurface:
     dropped: float | None = None  # share of the readings that pre-processing dropped
     # what was subtracted from the coordinates of the scan [m]
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    up: str | None = None  # axis of its file that the user said points up
     cut: str = ""  # what was cut off as far from every reading, in words; nothing where nothing was
     colored: Cloud | None = None  # points with colors, in the frame of the mesh; None: its colors are unknown
     # that of the ground, as robots felt it by their slip; None: nobody did
@@ -186,7 +187,7 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
                     _turn_upright(mesh, path, name)
                 x, y, z = map(float, mesh.metadata["offset"])
                 colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
-                return ScannedSurface(mesh, name, offset=(x, y, z), colored=colored)
+                return ScannedSurface(mesh, name, offset=(x, y, z), up=frame.up, colored=colored)
             surface = Reconstruction.load(path)
         if not isinstance(surface, trimesh.Trimesh):
             return _take_reconstruction(surface, name if is_file else "reconstruction", frame)
@@ -197,7 +198,7 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
     except (ReconstructionError, ScanError) as error:
         raise ArenaError(str(error)) from error
     mesh = surface if placed is vertices else trimesh.Trimesh(placed, surface.faces, process=False)
-    return ScannedSurface(mesh, name, colored=sample_mesh_colors(surface, placed))
+    return ScannedSurface(mesh, name, up=frame.up, colored=sample_mesh_colors(surface, placed))
 
 
 def _turn_upright(mesh: trimesh.Trimesh, path: Path, name: str) -> None:
@@ -239,6 +240,7 @@ def _take_reconstruction(made: "Reconstruction", name: str, frame: MeshFrame) ->
         readings.seen_from,
         made.dropped,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
+        made.notes.get("up"),
         str(made.notes.get("cut", "")),
         made.colored_readings,
         made.friction,

@@ -73,6 +73,7 @@ def find_verdict(
     contact: Sequence[trimesh.Trimesh] | HeightField,
     quality: ArenaQuality,
     ground: TraversabilityMap | None,
+    is_upright: bool = False,
 ) -> Verdict:
     """Return the verdict about an arena.
 
@@ -82,9 +83,10 @@ def find_verdict(
         contact: pieces, or a height field.
         quality: distances and shares that were measured when it was made.
         ground: where a Scout can drive; None where there is no ground.
+        is_upright: whether the user said which axis points up.
     """
     figures = [
-        *_judge_up(surface),
+        *_judge_up(surface, is_upright),
         *_judge_ground(seen, contact, ground),
         *_judge_contact(quality),
         *_judge_unseen(surface, seen),
@@ -103,10 +105,12 @@ def _weigh(
         yield Reason(figure, value, answer, meaning, remedy)
 
 
-def _judge_up(surface: trimesh.Trimesh) -> Iterator[Reason]:
+def _judge_up(surface: trimesh.Trimesh, is_upright: bool) -> Iterator[Reason]:
     """Yield a doubt about the axis that points up; a closed body is as its file winds it."""
     areas, middles = compute_area_vectors(surface.vertices, surface.faces), surface.triangles_center
-    doubt = find_axis_doubt(areas) or ("" if surface.is_watertight else find_side_doubt(areas, middles))
+    doubt = (not is_upright and find_axis_doubt(areas)) or (
+        "" if surface.is_watertight else find_side_doubt(areas, middles)
+    )
     if doubt:
         yield Reason(
             "up_axis",

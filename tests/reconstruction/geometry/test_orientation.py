@@ -9,6 +9,7 @@ from reconstruction._src.geometry.orientation import (
     find_axis_doubt,
     find_side_doubt,
     find_up_axis,
+    is_room,
     looks_down_below,
     orient_outwards,
     orient_to_viewpoints,
@@ -116,6 +117,14 @@ def test_a_room_with_more_ceiling_than_floor_has_its_axis_upwards():
     assert find_up_axis(areas, middles) == "y"
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (len(areas), 1))
     assert find_up_axis(signs * areas, middles) == "-y"  # points do not tell a ceiling from a floor
+
+
+def test_a_room_has_a_ceiling_that_looks_down():
+    """Shelves above a floor look up as it does."""
+    height, size = np.array([0.0, 2.0]), np.ones(2)
+    assert is_room(np.array([1.0, -1.0]), size, height)
+    assert not is_room(np.array([1.0, 1.0]), size, height)
+    assert not is_room(np.array([-1.0, 1.0]), size, height)
 
 
 def test_walls_of_a_room_are_voted_for_from_within_and_others_not_at_all():
