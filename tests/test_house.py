@@ -31,6 +31,7 @@ WRITERS = {
     "unlink",
 }
 MAY_WRITE = {
+    "evolution._src.experiments.train": "removes models that nothing has evolved in",
     "reconstruction._src.base.atomic_write": "the writer",
     "symbrion_gym._src.arenas.saving": "removes what the manifest of an arena names",
     "symbrion_gym._src.arenas.export.export": "removes what the manifest of an export names",

@@ -21,18 +21,28 @@ import symbrion_gym as sg
 from evolution._src.backends.settings import Randomization, read_organism
 from evolution._src.champions.playback import judge
 from evolution._src.errors import RunError
-from evolution._src.experiments.folders import claim_folder, evolve_or_resume, lock_folder
+from evolution._src.experiments.folders import (
+    claim_folder,
+    evolve_or_resume,
+    lock_folder,
+    refuse_foreign_files,
+    write_json,
+)
 from evolution._src.experiments.training import TRIALS, Training
 from evolution._src.search.cmaes import Run
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.validation import Validation
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.base.range_checks import format_extents
 from reconstruction._src.surfaces.far_faces import select_faces
+from symbrion_gym._src.arenas.saving import ABOUT
 from symbrion_gym._src.arenas.scanned import simulate_readings
 from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.sensing.survey import SPACING
 from symbrion_gym._src.tasks.features.gap import find_gap
+from symbrion_gym._src.tasks.paths import find_path
+from symbrion_gym._src.tasks.route import Start
 
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
@@ -109,13 +119,15 @@ def train(
     goal: Place | None = None,
     organism: Any = None,
     truth: sg.Arena | None = None,
+    source: str = "SCAN",
     seed: int = 0,
     workers: int = os.cpu_count() or 1,
     progress: Progress = silent,
 ) -> Training:
     """Make two models of a scan, evolve a controller in one from zero, judge it in both, and write a page.
 
-    What has been done in the folder is not done again: an interrupted training goes on, with equal results.
+    What has been done in the folder is not done again: an interrupted training goes on, with equal results. Where
+    nothing has evolved yet, other options make the models anew.
 
     Args:
         scan: a file of points, a scan log, a mesh or an arena folder, or what one of them holds.
@@ -125,12 +137,14 @@ def train(
         organism: body, by name, number of modules or `Organism`; None: a lone Scout, or a row that crosses the gap
             between start and goal.
         truth: the exact arena where it is known, in which the champion is judged, too.
+        source: the scan and how it is read, as the command on the page is to say it.
         seed: of everything; equal seeds give equal results.
         workers: number of threads; results do not depend on it.
         progress: called with what is being done and the share done.
 
     Raises:
-        RunError: the folder holds something else, the arena is not good for a robot, or there is no way in it.
+        RunError: the folder holds something else, a start or goal lies beside the scan, the arena is not good for a
+            robot, or there is no way in it.
         ScanError: the scan cannot be read.
     """
     require_extras("`symbrion train`", "report")
@@ -139,8 +153,10 @@ def train(
     folder = Path(folder)
     progress("reading the scan", 0.0)
     site = read_site(scan) if isinstance(scan, str | Path) else scan
+    _check_inside(site, start=start, goal=goal)
+    body = None if organism is None else read_organism(organism)
     options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
-    claim_folder(folder, MARKER, {"scan": _digest(site), "seed": seed, **options}, OUTPUTS)
+    _claim(folder, {"scan": _digest(site), "seed": seed, **options})
     if isinstance(site, rc.Cloud) and site.viewpoints is None:
         logger.warning(
             "the scan does not say where the scanner stood, which tells inside from outside; give --viewpoint X Y Z"
@@ -151,7 +167,6 @@ def train(
         verdict = arenas[0].verdict
         if verdict.answer == "no":
             raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
-        body = None if organism is None else read_organism(organism)
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
         run = evolve_or_resume(config, _part(progress, 0.2, 0.9))
         progress("judging the champion", 0.9)
@@ -159,9 +174,37 @@ def train(
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
         result = Training(folder, arenas[0], arenas[1], verdict, run, held, folder / PAGE)
         progress("writing the page", 0.95)
-        write_train_page(result, list(known.values())[-1], seed)
+        write_train_page(result, list(known.values())[-1], source, seed)
         progress("done", 1.0)
         return result
+
+
+def _check_inside(site: Site, **ends: Place | None) -> None:
+    """Refuse a start or goal beside what was scanned."""
+    if isinstance(site, sg.Arena):
+        places = np.asarray(site.surface.bounds)
+    else:
+        places = site.points if isinstance(site, rc.Cloud) else site.points()
+    low, high = places.min(axis=0), places.max(axis=0)
+    for name, place in ends.items():
+        if place is not None and not ((low[:2] <= place[:2]) & (place[:2] <= high[:2])).all():
+            raise RunError(
+                f"the {name} ({place[0]:g}, {place[1]:g}) lies beside the scan, which extends over "
+                f"{format_extents(low[:2], high[:2])}"
+            )
+
+
+def _claim(folder: Path, options: dict[str, Any]) -> None:
+    """Claim a folder; where nothing has evolved, as after a refusal, other options make models anew."""
+    try:
+        claim_folder(folder, MARKER, options, OUTPUTS)
+    except RunError:
+        refuse_foreign_files(folder, MARKER, OUTPUTS)
+        if (folder / RUN).exists():
+            raise
+        with lock_folder(folder):
+            (folder / HALVES[0] / ABOUT).unlink(missing_ok=True)
+            write_json(folder / MARKER, options)
 
 
 def _part(progress: Progress, low: float, high: float, what: str = "") -> Progress:
@@ -279,7 +322,7 @@ def make_models(
     that the other, or the mesh, does not confirm are `unseen`.
     """
     folders = [folder / name for name in HALVES]
-    if not (folders[0] / "arena.json").is_file():  # which is written last
+    if not (folders[0] / ABOUT).is_file():  # which is written last
         if isinstance(site, sg.Arena):
             is_bad = site.verdict.answer == "no"
             again = site if is_bad else _model_again(site, seed + 1, progress, ends)
@@ -392,7 +435,8 @@ def _list_ways(
     A way has a `start`, a `goal`, and `places` to be reached before the goal.
     """
     if start is not None and goal is not None:
-        yield {"start": start, "goal": goal, "places": ()}
+        for corners in _list_corners(arenas, body, start, goal) or [()]:  # of none the environment says why
+            yield {"start": start, "goal": goal, "places": corners}
         return
     places, lean = _find_confirmed(arenas, body, start if start is not None else goal)
     if not len(places):
@@ -421,6 +465,20 @@ def _list_ways(
         way = [tuple(np.round(places[corner[row]], 3).tolist()) for corner in corners]
         first, middle, last = [known or way[0], *way[1:]][:: 1 if goal is None else -1]
         yield {"start": first, "goal": last, "places": (middle,)}
+
+
+def _list_corners(
+    arenas: list[sg.Arena], body: Organism, start: Place, goal: Place
+) -> list[tuple[tuple[float, float], ...]]:
+    """Return the corners of the path that each model has, those first with which all models have the same."""
+    found, begin = [], Start(tuple(start))
+    for arena in arenas:
+        with suppress(sg.ArenaError):
+            path = find_path(arena, body, begin, (tuple(goal),))
+            corners = tuple((round(x, 3), round(y, 3)) for x, y in path.corners[:-1])
+            paths = [find_path(each, body, begin, (*corners, tuple(goal))) for each in arenas]
+            found.append((sum(len(each.corners) for each in paths) - len(arenas) * len(corners), corners))
+    return [corners for _, corners in sorted(found)]
 
 
 def _find_confirmed(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 
 import numpy as np
 import trimesh
@@ -26,7 +27,7 @@ _STEEP, _HIDING = 0.5, 0.15
 """Faces whose normal, of length 1, rises less are walls or ceilings; so far above the body [m] they would hide it."""
 
 
-def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
+def write_train_page(result: Training, judged_in: sg.Arena, source: str, seed: int) -> None:
     """Write the page of a training as one self-contained HTML file, with a film in the last arena that judges."""
     run, arena, config = result.run, result.arena, result.run.config
     champion = run.champion
@@ -34,22 +35,23 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     film = play(champion, judged_in, seed, film=True)
     body, where = format_count(champion.modules, "module"), list(result.held)[-1]
     organism = champion.find_organism()
-    route = _make_route(film.positions, organism.scout.size[2])
     page = Page(
         "From a scan to a robot that drives there",
-        summary="Two models of the site share no reading: those of two halves of a scan, or a mesh and the model of a "
-        "scan of it. A controller evolves from zero in the first; whether it drives is judged in the other, which "
-        "evolution never saw.",
-        footer=f"symbrion train --seed {seed} · {describe_machine()}",
+        summary=f"{_describe_models(result)} A controller evolves from zero in the first; whether it drives is judged "
+        "in the other, which evolution never saw.",
+        footer=f"symbrion train {source} --seed {seed} · {describe_machine()}",
     )
-    page.add_verdict(f"{str(result.verdict).capitalize()}.", good=result.verdict.answer == "yes")
+    for name, model in (("training", arena), ("other half", result.other)):
+        page.add_verdict(f"Model, {name}: {model.verdict}.", good=model.verdict.answer == "yes")
     for place, drivers in result.held.items():
         text = f"The champion ({body}) holds in {drivers['champion']} of {TRIALS} fresh trials: {place}."
-        is_good = drivers["champion"] >= GOOD * TRIALS
-        remedy = f" {GOOD * TRIALS:.0f} are asked: a shorter way (--start, --goal) or another --seed may have them."
-        page.add_verdict(text if is_good else text + remedy, good=is_good)
+        page.add_verdict(text, good=drivers["champion"] >= GOOD * TRIALS)
+    for fault in result.list_faults():
+        page.add_verdict(f"{fault.capitalize()}.", good=False)
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
     named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
+    goal = config.goal if isinstance(config.goal, tuple) else None
+    route = _make_route(film.positions, organism.scout.size[2], goal)
     way = f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."
     page.add_section("The way", way)
     layers, ground, shown = ("surface", "route"), None, "the way that it drove"
@@ -57,13 +59,18 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
         layers, ground = ("surface", "drivable", "route"), arena.traversability(organism)
         shown = f"ground that the body can drive on, and {shown}"
     figure = draw_arena(arena, layers, ground, route, organism, has_plan=True)
-    page.add_figure(to_png(figure, is_reduced=False), f"The site from two sides and from above: {shown}.")
+    page.add_figure(
+        to_png(figure, is_reduced=False),
+        f"The model of training from two sides and from above: {shown} ({where}).",
+    )
     if film.frames:
         page.add_video(
-            encode_video(film.frames, film.fps), f"The champion ({where}), at five times real time."
+            encode_video(film.frames, film.fps),
+            f"The champion ({where}), at five times real time; it {'arrives' if film.success else 'does not arrive'}.",
         )
     page.add_scene(
-        _make_scene(arena, film.positions), "The site, and the champion on its way. Drag to turn it."
+        _make_scene(arena, film.positions, source),
+        "The site, and the champion on its way. Drag to turn it, scroll to zoom.",
     )
     if champion.modules > 1:
         page.add_figure(
@@ -93,26 +100,35 @@ def write_train_page(result: Training, judged_in: sg.Arena, seed: int) -> None:
     page.add_section("Going on")
     page.add_list([
         f"symbrion view {folder}/arena shows the site and where to drive",
-        "symbrion train SCAN --out NEW --start X Y --goal X Y trains another way; two clicks on the site write it",
+        f"symbrion train {source} --out NEW --start X Y --goal X Y trains another way; two clicks on the site write it",
         f"symbrion replay {folder}/run --arena {folder}/other --video champion.mp4",
     ])  # fmt: skip
     page.write(result.page)
 
 
-def _make_route(positions: np.ndarray, height: float) -> DrivingRoute:
-    """Return the way that a body has driven, on the ground."""
+def _describe_models(result: Training) -> str:
+    if result.arena.provenance.get("source") == "reconstruction":
+        return "Two models of the site are those of two halves of a scan, which share no reading."
+    return (
+        "The second model of the site is that of a scan of the first, a mesh: it shares what that has wrong."
+    )
+
+
+def _make_route(positions: np.ndarray, height: float, goal: Sequence[float] | None) -> DrivingRoute:
+    """Return the way that a body has driven, on the ground, with the goal that it had."""
     path = positions.mean(axis=1) - [0.0, 0.0, height / 2]
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     ahead = positions[0, 0] - positions[0, -1] if positions.shape[1] > 1 else path[-1] - path[0]
     heading = float(np.arctan2(ahead[1], ahead[0]))
     first, last = (tuple(each.tolist()) for each in path[[0, -1]])
+    last = last if goal is None else (goal[0], goal[1], last[2])
     return DrivingRoute(first, last, heading, path, float(steps.sum()), 0.0, 0)
 
 
-def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
+def _make_scene(arena: sg.Arena, positions: np.ndarray, source: str) -> Scene:
     """Return the site and the path of the body; what nobody saw in another color, walls and ceilings on a switch."""
     scene = Scene(
-        focus=positions.reshape(-1, 3), command="symbrion train SCAN --out NEW --start START --goal GOAL"
+        focus=positions.reshape(-1, 3), command=f"symbrion train {source} --out NEW --start START --goal GOAL"
     )
     mesh, top = arena.surface, float(positions[..., 2].max()) + _HIDING
     is_high = (mesh.face_normals[:, 2] < _STEEP) & (mesh.triangles[:, :, 2].max(axis=1) > top)

@@ -38,6 +38,21 @@ class Training:
     held: dict[str, dict[str, int]]
     page: Path
 
+    def list_faults(self) -> list[str]:
+        """Return in words what keeps the champion from being a good one."""
+        champion = min(drivers["champion"] for drivers in self.held.values())
+        straight = max(drivers["tracks forward"] for drivers in self.held.values())
+        faults = []
+        if champion < GOOD * TRIALS:
+            faults.append(
+                f"it holds in fewer than {GOOD * TRIALS:.0f}: a shorter way, or another --seed, may do"
+            )
+        if TRIALS - straight < GOOD * TRIALS:
+            faults.append(
+                f"tracks forward hold in {straight}, too: such a way needs no steering, one with a turn does"
+            )
+        return [f"not a good champion: {fault} (--start X Y --goal X Y)" for fault in faults]
+
     @property
     def held_in_training(self) -> int:
         """Successes of the champion in the model in which it evolved."""

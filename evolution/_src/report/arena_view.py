@@ -259,8 +259,9 @@ def _add_route(axes: Axes, view: View, pixels: Pixels, route: DrivingRoute) -> N
     for part in np.split(np.arange(len(path)), np.flatnonzero(np.diff(is_seen)) + 1):
         if is_seen[part[0]]:
             axes.plot(seen[part, 0], seen[part, 1], color=ROUTE_COLOR, linewidth=2.0)
-    for index, (marker, size, color, _) in zip((-1, 0), ENDS, strict=True):
-        axes.plot(*seen[index, :2], marker, color=color, markersize=size, markeredgecolor=ROUTE_COLOR)
+    ends = view.project(np.add([route.goal, route.start], [0.0, 0.0, LIFT]))[:, :2] / OVERSAMPLING
+    for place, (marker, size, color, _) in zip(ends, ENDS, strict=True):
+        axes.plot(*place, marker, color=color, markersize=size, markeredgecolor=ROUTE_COLOR)
 
 
 def _make_legend(

@@ -137,7 +137,9 @@ def load_cloud(
     if viewpoints is not None:
         cloud = _see_from(path, cloud, viewpoints)
     elif cloud.viewpoints is None and is_seen_from_origin(cloud.points) and has_ground_below(cloud.points):
-        text = "%s: hardly a reading hides another from the origin: the scanner stood there; viewpoints= says otherwise"
+        text = (
+            "%s: the scanner is taken to have stood at the origin, which sees all; --viewpoint says otherwise"
+        )
         _logger.warning(text, path)
         cloud = cloud.replace(viewpoints=np.zeros((1, 3)))
     if raw.has_cover:
@@ -246,14 +248,14 @@ def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
     is_there = cloud.viewpoints is None or not cloud.viewpoints.any()
     rotation = find_upright(cloud.points) if is_there else None
     if rotation is not None:
-        text = "%s: a camera's readings, turned until the floor is level; up= says otherwise"
+        text = "%s: a camera's readings, turned until the floor is level; --up says otherwise"
         _logger.warning(text, path)
     elif not is_seen_from_origin(cloud.points) and (axis := find_up(cloud.points)) is not None:
         rotation = np.array(UP_AXES[axis], dtype=np.float64)
-        text = "%s: %s is taken for up, as a floor or a landscape faces along it; up= says otherwise"
+        text = "%s: %s is taken for up, as a floor or a landscape faces along it; --up says otherwise"
         _logger.warning(text, path, axis)
     elif (rotation := find_tilt(cloud.points)) is not None:
-        _logger.warning("%s: tilted; turned until the floor is level; up= says otherwise", path)
+        _logger.warning("%s: tilted; turned until the floor is level; --up says otherwise", path)
     else:
         return cloud
     viewpoints = None if cloud.viewpoints is None else cloud.viewpoints @ rotation.T
@@ -314,7 +316,9 @@ def _read_npz(file: BoundedFile) -> RawPoints:
     extras = [extra for extra in _NPZ_EXTRAS if extra in names and name == "points"]
     arrays = read_npz(file.stream, (name, *extras), file.max_bytes)
     points = _first_columns(arrays.pop(name), file)
-    known = Cloud(np.zeros(points.shape), **arrays)  # refuses what does not belong together
+    known = Cloud(
+        np.zeros(points.shape), arrays.get("colors"), arrays.get("viewpoints"), arrays.get("seen_from")
+    )  # refuses what does not belong together
     return RawPoints(points, known.colors, known.viewpoints, known.seen_from)
 
 

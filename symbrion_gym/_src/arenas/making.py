@@ -224,7 +224,7 @@ def make_arena(
     )
     if scanned.colored is not None:
         arena = color_arena(arena, scanned.colored)
-    progress(str(arena.verdict), 1.0)
+    progress("done", 1.0)
     return arena
 
 

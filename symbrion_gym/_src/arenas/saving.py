@@ -264,7 +264,7 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
     folder = Path(folder)
     path = folder / ABOUT
     if not path.is_file():
-        raise ArenaError(f"{folder} holds no {ABOUT}")
+        raise ArenaError(f"{folder} holds no {ABOUT}: it is no arena; give an arena folder, or a file")
     try:
         content = read_json(path)
         version = content.get("format") if isinstance(content, dict) else None

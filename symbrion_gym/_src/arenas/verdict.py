@@ -140,7 +140,7 @@ def _judge_ground(
     loose = float((np.abs(ends - _ABOVE) > _HELD).mean())
     meaning = f"{format_share(loose)} of the level ground has no contact within 2 cm"
     yield from _weigh(
-        "loose_ground", loose, _LOOSE, meaning, "symbrion arena with more --max-pieces, or another --kind"
+        "loose_ground", loose, _LOOSE, meaning, "symbrion arena with another --max-pieces or --kind"
     )
 
 

@@ -99,7 +99,7 @@ def test_view_tells_ground_and_route(sheet, capsys):
     for part in (
         "it extends over x -",
         "route for 4 modules: (",
-        "straight way for 4 modules, for symbrion evolve: --start ",
+        "straight way for 4 modules: symbrion evolve --arena truth --modules 4 --start ",
     ):
         assert part in printed
     bare = ["view", "truth", "--picture", str(sheet.parent / "a.png"), "--json", "--layers", "surface"]

@@ -15,9 +15,12 @@ from evolution._src.cli.main import run
 from evolution._src.experiments import train as training
 from evolution._src.experiments.train import choose_task, crop_large, keep_low, split_readings
 from evolution._src.experiments.train_page import _compare_models
+from evolution._src.experiments.training import Training
 from reconstruction._src.base.progress import silent
 from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.tasks.paths import find_path
+from symbrion_gym._src.tasks.route import Start
 
 
 def make_scan(seed: int = 0) -> rc.Cloud:
@@ -181,6 +184,54 @@ def test_a_way_does_not_cross_what_one_model_lacks_and_none_is_squeezed_into_too
     small = make_floor(0.6)
     assert len(training._find_confirmed([small], body, None)[0])
     assert not list(training._list_ways([small], body, None, None, np.random.default_rng(0)))
+
+
+@pytest.mark.parametrize("order", [slice(None), slice(None, None, -1)])
+def test_a_way_that_is_given_is_the_same_in_both_models(order: slice) -> None:
+    """One of them has a block on it: around it in both, although the other one knows nothing of it."""
+    block = trimesh.creation.box(bounds=((-0.2, -0.3, -0.2), (0.2, 0.1, 0.2)))
+    floor = trimesh.creation.box(bounds=((-1.0, -1.0, -0.2), (1.0, 1.0, 0.0)))
+    arenas = [sg.make_arena(floor), sg.make_arena(trimesh.util.concatenate([floor, block]))][order]
+    start, goal, body = (-0.6, 0.0), (0.6, 0.0), sg.snake(1)
+    way = next(training._list_ways(arenas, body, start, goal, np.random.default_rng(0)))
+    assert (way["start"], way["goal"]) == (start, goal)
+    assert max(place[1] for place in way["places"]) > 0.1
+    for arena in arenas:
+        path = find_path(arena, body, Start(start), (*way["places"], goal))
+        assert path.corners == pytest.approx(np.array([*way["places"], goal]), abs=1e-6)
+
+
+def test_what_lies_beside_the_scan_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        ev.RunError, match=r"the goal \(500, 1\) lies beside the scan, which extends over x -1.2"
+    ):
+        ev.train(make_scan(), tmp_path / "a", goal=(500.0, 1.0))
+    assert not (tmp_path / "a").exists()
+
+
+def test_after_a_refusal_the_folder_takes_other_options(tmp_path: Path) -> None:
+    scan, few = make_scan(), make_scan().select(np.arange(6400) < 30)
+    with pytest.raises(ev.RunError, match=r"good for a robot of 0.105 m: no"):
+        ev.train(few, tmp_path)
+    training._claim(tmp_path, {"scan": training._digest(scan), "seed": 0})
+    assert not (tmp_path / "arena" / "arena.json").exists()  # models are made anew
+    (tmp_path / "run").mkdir()
+    with pytest.raises(ev.RunError, match="other options"):
+        training._claim(tmp_path, {"scan": "another"})
+
+
+@pytest.mark.parametrize(
+    ("champion", "straight", "faults"), [(18, 2, []), (17, 0, ["fewer than 18"]), (20, 3, ["too"])]
+)
+def test_a_champion_is_good_only_where_straight_tracks_are_not(champion, straight, faults) -> None:
+    held = {
+        "training": {"champion": 20, "tracks forward": straight},
+        "other half": {"champion": champion, "tracks forward": 0},
+    }
+    unused: Any = None
+    found = Training(Path(), unused, unused, unused, unused, held, Path()).list_faults()
+    assert len(found) == len(faults)
+    assert all(part in text for part, text in zip(faults, found, strict=True))
 
 
 @pytest.mark.slow

@@ -131,7 +131,7 @@ def test_a_file_is_read_so_and_options_and_known_viewpoints_are_left(
     np.save(tmp_path / "camera.npy", points)
     cloud = rc.load_cloud(tmp_path / "camera.npy")
     assert "floor is level" in caplog.text
-    assert "hides another" in caplog.text
+    assert "taken to have stood at the origin" in caplog.text
     np.testing.assert_array_equal(cloud.viewpoints, [[0.0, 0.0, 0.0]])
     lowest = cloud.points[:, 2] < cloud.points[:, 2].min() + 0.02
     assert lowest.sum() > 1000  # the floor, at 0.5 m below the camera

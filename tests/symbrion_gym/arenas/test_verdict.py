@@ -99,7 +99,9 @@ def test_an_axis_that_the_user_gives_is_not_doubted(up: str | None, tmp_path: Pa
     shaft.export(tmp_path / "shaft.ply")
     arena = sg.make_arena(tmp_path / "shaft.ply", up=up, cache=False)
     arena.save(tmp_path / "arena")
-    cloud = rc.Cloud(trimesh.sample.sample_surface(shaft, 4000, seed=0)[0], viewpoints=np.zeros((1, 3)), up=up)
+    cloud = rc.Cloud(
+        trimesh.sample.sample_surface(shaft, 4000, seed=0)[0], viewpoints=np.zeros((1, 3)), up=up
+    )
     rc.reconstruct(cloud, units=300, seed=0).save(tmp_path / "made.npz")
     again = rc.Reconstruction.load(tmp_path / "made.npz").refine(cloud.points, origins=np.zeros(3))
     made = sg.make_arena(again, cache=False)

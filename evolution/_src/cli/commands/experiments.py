@@ -2,9 +2,11 @@
 
 import dataclasses
 import os
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import tyro
 
 from evolution._src.cli.command import (
@@ -116,8 +118,6 @@ class Train(FrameCommand, Experiment):
         return "what is done is kept; the same command goes on"
 
     def run(self, console: Console) -> dict[str, Any]:
-        import numpy as np
-
         import evolution as ev
         import reconstruction as rc
         from evolution._src.experiments.train import read_site
@@ -131,13 +131,29 @@ class Train(FrameCommand, Experiment):
                 site = crop_cloud(site, np.reshape(self.crop, (3, 2)).T, self.scan)
             names = ("start", "goal", "organism", "seed", "workers")
             options: dict[str, Any] = {name: getattr(self, name) for name in names}
-            result = ev.train(site, self.out, progress=step.progress, **options)
+            result = ev.train(site, self.out, source=self._describe(), progress=step.progress, **options)
         return _report(result, step.seconds, console)
+
+    def _describe(self) -> str:
+        """Return the scan and how it is read, as words of the command line."""
+        words = [str(self.scan)]
+        for name, usual in (
+            ("unit", None),
+            ("up", None),
+            ("scale", 1.0),
+            ("viewpoint", ()),
+            ("classes", ()),
+            ("crop", None),
+        ):
+            value = getattr(self, name)
+            if value != usual:
+                words += [f"--{name}", *map(str, np.ravel(value))]
+        return shlex.join(words)
 
 
 def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
     """Print what a robot has learned, and return it as a summary."""
-    from evolution._src.experiments.training import GOOD, TRIALS
+    from evolution._src.experiments.training import TRIALS
 
     config = result.run.config
     for where, arena in (("training", result.arena), ("other half", result.other)):
@@ -148,10 +164,8 @@ def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
     for where, drivers in result.held.items():
         counts = ", ".join(f"{name} {count}" for name, count in drivers.items())
         console.print_line(f"held of {TRIALS} trials, {where}: {counts}")
-    if min(drivers["champion"] for drivers in result.held.values()) < GOOD * TRIALS:
-        console.print_line(
-            "not a good champion; another way by --start X Y --goal X Y, or --seed, may have one"
-        )
+    for fault in result.list_faults():
+        console.print_line(fault)
     console.print_line(f"page: {result.page.resolve()}")
     return {
         "folder": result.folder,

@@ -1,6 +1,7 @@
 """`symbrion view` and `symbrion export`: look at an arena, or write it for other simulators."""
 
 import dataclasses
+import shlex
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -88,8 +89,12 @@ class View(SeededCommand):
         if way is not None:
             summary["straight_way"] = way
             start, goal = (" ".join(f"{value:g}" for value in place) for place in way)
+            alone = (
+                " --environment track_control skid" if self.modules == 1 else ""
+            )  # it has no hinges to evolve
             console.print_line(
-                f"straight way for {robot}, for symbrion evolve: --start {start} --goal {goal}"
+                f"straight way for {robot}: symbrion evolve --arena {shlex.quote(self.arena)} "
+                f"--modules {self.modules}{alone} --start {start} --goal {goal}"
             )
         if self.picture is None:
             from symbrion_gym._src.arenas.viewing import make_view_spec, open_viewer
