@@ -268,23 +268,12 @@ class Reconstruction:
         """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""
         import trimesh
 
-        from reconstruction._src.geometry.orientation import (
-            looks_down_below,
-            orient_outwards,
-            orient_to_viewpoints,
-        )
+        from reconstruction._src.geometry.orientation import orient_outwards, orient_to_viewpoints
 
         vertices, faces = self._cut_far_faces()
         if self.viewpoints is None:
             faces = orient_outwards(vertices, faces)
-            note = (
-                "no viewpoint: open surfaces look up, closed ones outwards; give the position of the sensor"
-            )
-            if looks_down_below(vertices, faces):
-                note += (
-                    ": the lowest level surface looks down here, and of a room, which is inside out then, that is "
-                    "the floor"
-                )
+            note = "no viewpoint: open surfaces look up, closed ones and rooms outwards; give the sensor's position"
         else:
             (vertices, faces), share = orient_to_viewpoints(
                 vertices, faces, self.points, self.viewpoints, self.seen_from

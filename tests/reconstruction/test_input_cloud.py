@@ -47,8 +47,7 @@ def test_a_room_looks_inwards_with_a_viewpoint_and_outwards_without(caplog):
     with caplog.at_level(logging.INFO):
         outwards = reconstruct(points, units=300)
     assert outwards.mesh.volume > 0
-    assert "no viewpoint" in outwards.notes["orientation"]
-    assert "of a room, which is inside out then, that is the floor" in outwards.notes["orientation"]
+    assert "closed ones and rooms outwards" in outwards.notes["orientation"]
     assert "no viewpoint" in caplog.text
 
 

@@ -42,7 +42,8 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, seed: i
         footer=f"symbrion train {source} --seed {seed} · {describe_machine()}",
     )
     for name, model in (("training", arena), ("other half", result.other)):
-        page.add_verdict(f"Model, {name}: {model.verdict}.", good=model.verdict.answer == "yes")
+        good = {"yes": True, "in part": None}.get(model.verdict.answer, False)
+        page.add_verdict(f"Model, {name}: {model.verdict}.", good=good)
     for place, drivers in result.held.items():
         text = f"The champion ({body}) holds in {drivers['champion']} of {TRIALS} fresh trials: {place}."
         page.add_verdict(text, good=drivers["champion"] >= GOOD * TRIALS)

@@ -61,8 +61,8 @@ class Page:
         """Add a paragraph."""
         self._blocks.append({"kind": "text", "text": text})
 
-    def add_verdict(self, text: str, good: bool) -> None:
-        """Add a highlighted line, green where the result is good, else red."""
+    def add_verdict(self, text: str, good: bool | None) -> None:
+        """Add a highlighted line, green where the result is good, yellow where it is so in part (None), else red."""
         self._blocks.append({"kind": "verdict", "text": text, "good": good})
 
     def add_list(self, entries: Sequence[str]) -> None:
