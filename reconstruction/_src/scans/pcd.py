@@ -75,7 +75,7 @@ def _check_header(words: dict[str, list[str]]) -> _Header:
     )
     if not len(fields) == len(sizes) == len(repeats) == len(kinds):
         raise ScanError("FIELDS, SIZE, TYPE and COUNT of the .pcd header have different lengths")
-    if width * height != num_points:
+    if width * height not in (0, num_points):  # some programs leave it at 0
         raise ScanError(f"the .pcd header promises {width} x {height} points, and {num_points}")
     for name, kind, size, repeat in zip(fields, kinds, sizes, repeats, strict=True):
         if name != _PADDING and ((kind, size) not in _TYPES or repeat < 1):

@@ -69,6 +69,7 @@ GOOD = {
     "compressed.pcd": pcd("binary_compressed"),
     "a.vtk": vtk(TEXT.encode()),
     "double.vtk": vtk(POINTS.astype(">f8").tobytes(), "BINARY", dtype="double"),
+    "unsized.pcd": pcd("binary").replace(b"WIDTH 5", b"WIDTH 0"),
     "a.obj": OBJ.encode(),
     "a.ply.gz": gzip.compress(ply(SINGLE, form="binary_little_endian")),
 }
