@@ -157,10 +157,6 @@ def train(
     body = None if organism is None else read_organism(organism)
     options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
     _claim(folder, {"scan": _digest(site), "seed": seed, **options})
-    if isinstance(site, rc.Cloud) and site.viewpoints is None:
-        logger.warning(
-            "the scan does not say where the scanner stood, which tells inside from outside; give --viewpoint X Y Z"
-        )
     with lock_folder(folder):
         ends = [place[:2] for place in (start, goal) if place is not None]
         arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.2), ends)

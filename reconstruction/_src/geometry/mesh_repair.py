@@ -41,7 +41,6 @@ _MIN_ANGLE_DEG = 120.0  # ... and its corner off the rim has an angle above this
 _MIN_BEND_DEG = 10.0
 """... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat ground is part of it."""
 _TOLD = 0.9  # Share of the area of a part that is wound alike, less the rest: its winding tells its outside
-_WITHIN = 0.5  # A closed surface winds once around what is in it
 _ROUNDS = 20  # Slivers behind slivers are removed, too, in no more rounds than these
 
 _logger = logging.getLogger(__name__)
@@ -184,8 +183,7 @@ def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"
     """Return the faces, open parts turned up, and closed ones and rooms as their file winds them.
 
     Who scans a room winds it inwards: where nearly all of such a part was wound alike, that tells, of all parts of a
-    surface whose floors look up and whose ceilings down. Else closed parts look outwards, but that with most of the
-    rest in it inwards.
+    surface whose floors look up and whose ceilings down. Else closed parts look outwards.
     """
     part = compute_components(faces, len(vertices))
     normals = compute_area_vectors(vertices, faces)
@@ -202,20 +200,7 @@ def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"
     is_inside = is_room(np.where(is_kept, normals[:, 2], -normals[:, 2]), areas, middles[:, 2])
     is_told = (np.abs(kept) > _TOLD * size) & ~(is_sheet & ~is_inside)
     is_wrong = np.where(is_told, kept, np.where(is_open, total[:, 2], volume)) < 0
-    largest = int(size.argmax())
-    if not is_told[largest] and not is_sheet[largest] and _holds_most(vertices, faces, part == largest):
-        is_wrong[largest] = volume[largest] > 0
     return np.where(is_wrong[part][:, None], faces[:, ::-1], faces)
-
-
-def _holds_most(vertices: Vertices, faces: Faces, is_shell: Bool[np.ndarray, " F"]) -> bool:
-    """Return whether most of the surface beside a closed part lies in it, as furniture does in a room."""
-    import igl
-
-    others = faces[~is_shell]
-    turns = igl.winding_number(vertices, faces[is_shell], vertices[others].mean(axis=1))
-    areas = compute_areas(vertices, others)
-    return bool(areas[np.abs(turns) > _WITHIN].sum() > areas.sum() / 2)
 
 
 def _compute_sides(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:

@@ -112,20 +112,15 @@ def _judge_up(surface: trimesh.Trimesh, is_upright: bool) -> Iterator[Reason]:
         "" if surface.is_watertight else find_side_doubt(areas, middles)
     )
     if doubt:
-        yield Reason(
-            "up_axis",
-            1.0,
-            "no",
-            doubt,
-            "give the axis that points up by --up, or where the scanner stood by --viewpoint",
-        )
+        remedy = "give the axis that points up by --up, or where the scanner stood by --viewpoint"
+        yield Reason("up_axis", 1.0, "no", doubt, remedy)
 
 
 def _judge_ground(
     seen: trimesh.Trimesh, contact: Sequence[trimesh.Trimesh] | HeightField, ground: TraversabilityMap | None
 ) -> Iterator[Reason]:
     """Yield what is wrong with the ground: too little to drive on, or contact that does not hold a robot there."""
-    area = _find_area(ground)
+    area = 0.0 if ground is None or not ground.num_regions else float(ground.region_areas[0])
     meaning = f"the largest area to drive on has {area:.2g} m²"
     yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, "symbrion view shows it; scan more ground")
     if ground is not None and ground.grid.cell > ROBOT:
@@ -170,10 +165,6 @@ def _judge_unseen(surface: trimesh.Trimesh, seen: trimesh.Trimesh) -> Iterator[R
     yield from _weigh(
         "unseen_ground", unseen, _UNSEEN, meaning, "scan from more places or more densely, or --crop"
     )
-
-
-def _find_area(ground: TraversabilityMap | None) -> float:
-    return 0.0 if ground is None or not ground.num_regions else float(ground.region_areas[0])
 
 
 def _select_level(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

@@ -11,10 +11,11 @@ import trimesh
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
+from evolution._src.cli.commands.experiments import Train
 from evolution._src.cli.main import run
 from evolution._src.experiments import train as training
 from evolution._src.experiments.train import choose_task, crop_large, keep_low, split_readings
-from evolution._src.experiments.train_page import _compare_models
+from evolution._src.experiments.train_page import _compare_models, _make_scene
 from evolution._src.experiments.training import Training
 from reconstruction._src.base.progress import silent
 from symbrion_gym._src.contact.distances import find_nearest
@@ -232,6 +233,26 @@ def test_a_champion_is_good_only_where_straight_tracks_are_not(champion, straigh
     found = Training(Path(), unused, unused, unused, unused, held, Path()).list_faults()
     assert len(found) == len(faults)
     assert all(part in text for part, text in zip(faults, found, strict=True))
+
+
+def test_the_page_shows_a_room_without_what_hides_the_robot() -> None:
+    box = trimesh.creation.box(bounds=((-1.0, -1.0, 0.0), (1.0, 1.0, 2.5)))
+    room = trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False)
+    quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=1)
+    arena = sg.Arena("room", [room], room, quality, unseen=(int(room.triangles_center[:, 2].argmin()),))
+    scene = _make_scene(arena, np.full((5, 1, 3), [0.0, 0.0, 0.05]), "room.ply --up y")
+    shown = {layer.name: (layer.is_shown, len(layer.traces[0]["i"])) for layer in scene.layers[:3]}
+    assert shown == {"surface": (True, 1), "not confirmed": (True, 1), "walls and ceilings": (False, 10)}
+    assert "symbrion train room.ply --up y" in scene.command
+
+
+def test_the_page_repeats_how_the_scan_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    scan = Path("a b.ply")
+    scan.touch()
+    command = Train(scan=scan, up="y", viewpoint=((1.0, 2.0, 0.5),), classes=(2, 6))
+    assert command._describe() == "'a b.ply' --up y --viewpoint 1.0 2.0 0.5 --classes 2 6"
+    assert Train(scan=scan)._describe() == "'a b.ply'"
 
 
 @pytest.mark.slow
