@@ -205,10 +205,11 @@ def is_room(
     return bool(low.sum() > np.abs(low).sum() / 2 and high.sum() < -np.abs(high).sum() / 2)
 
 
-def is_y_likely(areas: Float[np.ndarray, "F 3"]) -> bool:
-    """Return whether more than half as much is level along y as along z, of area vectors."""
-    level = _measure_axes(areas)[0]
-    return bool(level[1] > level[2] / 2)
+def is_y_likely(areas: Float[np.ndarray, "F 3"], vertices: Vertices) -> bool:
+    """Return whether y may point up: over half as much is level along it as along z, and along y it is lower, as sites
+    are."""
+    level, extents = _measure_axes(areas)[0], np.ptp(vertices, axis=0)
+    return bool(level[1] > level[2] / 2 and extents[1] < extents[2])
 
 
 def _is_beaten(shares: Float[np.ndarray, "3 3"]) -> bool:

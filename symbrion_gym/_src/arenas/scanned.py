@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from reconstruction._src.knowledge.slip.patches import FrictionEstimate
     from reconstruction._src.reconstruction import Reconstruction
 
+_WITH_AXIS = (".glb", ".gltf", ".dae")  # Formats that say which axis points up
 _HIDDEN = 1e-3
 """A point of a surface is hidden where the surface is nearer to the viewpoint by more than this [m]."""
 
@@ -202,15 +203,13 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
 
 
 def _turn_upright(mesh: trimesh.Trimesh, path: Path, name: str) -> None:
-    """Turn a mesh whose floors face along another axis than z, and log it; refuse an .obj that may have y up."""
+    """Turn a mesh whose floors face along another axis than z, and log it; refuse one that may have y up."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     areas = compute_area_vectors(vertices, faces)
     up = find_up_axis(areas, vertices[faces].mean(axis=1))
     if up is None:
-        if path.suffix.lower() == ".obj" and is_y_likely(areas):
-            raise ArenaError(
-                f"{name}: y or z may point up, most programs write .obj with y; give --up y or --up z (up='y')"
-            )
+        if path.suffix.lower() not in _WITH_AXIS and is_y_likely(areas, vertices):
+            raise ArenaError(f"{name}: y or z may point up; give --up y or --up z (up='y')")
         return
     _logger.warning("%s: %s is taken for up, as floors face along it; --up says otherwise", name, up)
     axes = np.array(UP_AXES[up], dtype=np.float64)

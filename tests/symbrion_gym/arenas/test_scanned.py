@@ -28,18 +28,26 @@ def test_a_mesh_in_millimeters_is_asked_about():
     assert "another unit" in doubt
 
 
-def test_an_obj_of_a_room_says_which_axis_points_up(tmp_path):
+def test_a_room_that_may_have_y_up_says_which_axis_it_is(tmp_path):
     room = trimesh.creation.box([4.0, 2.5, 3.0])  # as much square to one axis as to another
-    room.export(tmp_path / "room.obj")
-    room.export(tmp_path / "room.ply")
-    with pytest.raises(ArenaError, match=r"room\.obj: y or z may point up.* --up y"):
-        take_surface(tmp_path / "room.obj")
-    for up, height in (("y", 2.5), ("z", 3.0)):
-        seen = take_surface(tmp_path / "room.obj", frame=MeshFrame(up=up)).mesh
-        assert np.ptp(seen.vertices[:, 2]) == pytest.approx(height)
-    assert np.ptp(take_surface(tmp_path / "room.ply").mesh.vertices[:, 2]) == pytest.approx(3.0)
-    trimesh.creation.box([4.0, 4.0, 0.5]).export(tmp_path / "plate.obj")
-    take_surface(tmp_path / "plate.obj")
+    for name in ("room.obj", "room.ply"):
+        room.export(tmp_path / name)
+        with pytest.raises(ArenaError, match="y or z may point up; give --up y"):
+            take_surface(tmp_path / name)
+        for up, height in (("y", 2.5), ("z", 3.0)):
+            seen = take_surface(tmp_path / name, frame=MeshFrame(up=up)).mesh
+            assert np.ptp(seen.vertices[:, 2]) == pytest.approx(height)
+    for sizes, name, height in (
+        ([4.0, 3.0, 2.5], "lower.obj", 2.5),
+        ([4.0, 4.0, 0.5], "plate.obj", 0.5),
+        ([4.0, 0.5, 1.0], "bank.ply", 1.0),  # hardly anything is level along y
+        ([4.0, 3.0, 2.5], "said.glb", 3.0),  # its format has y up
+    ):
+        box = trimesh.creation.box(sizes)
+        if name == "bank.ply":
+            box.update_faces(np.abs(box.face_normals[:, 1]) < 0.5)
+        box.export(tmp_path / name)
+        assert np.ptp(take_surface(tmp_path / name).mesh.vertices[:, 2]) == pytest.approx(height)
 
 
 def test_a_room_seen_from_inside_is_hollow():

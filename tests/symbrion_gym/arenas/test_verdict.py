@@ -96,8 +96,7 @@ def test_an_axis_that_the_user_gives_is_not_doubted(up: str | None, tmp_path: Pa
     shaft = trimesh.creation.box((3.0, 2.5, 12.0)).subdivide().subdivide()
     shaft.update_faces(shaft.face_normals[:, 2] < 0.5)
     shaft.invert()
-    shaft.export(tmp_path / "shaft.ply")
-    arena = sg.make_arena(tmp_path / "shaft.ply", up=up, cache=False)
+    arena = sg.make_arena(shaft, up=up, cache=False)
     arena.save(tmp_path / "arena")
     cloud = rc.Cloud(
         trimesh.sample.sample_surface(shaft, 4000, seed=0)[0], viewpoints=np.zeros((1, 3)), up=up
