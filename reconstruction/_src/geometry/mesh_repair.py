@@ -12,7 +12,13 @@ from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.manifold import group_sides, make_winding
-from reconstruction._src.geometry.orientation import OPEN_SHARE, compute_components, is_room, split_fans
+from reconstruction._src.geometry.orientation import (
+    OPEN_SHARE,
+    compute_components,
+    is_room,
+    orient_outwards,
+    split_fans,
+)
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
@@ -23,7 +29,6 @@ from reconstruction._src.geometry.rows import (
     compute_lengths,
     drop_unused,
     sum_by_owner,
-    sum_rows,
 )
 
 LARGEST_COORDINATE = 1e6  # [m]; numbers in single precision are 6 cm apart out there
@@ -183,24 +188,21 @@ def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"
     """Return the faces, open parts turned up, and closed ones and rooms as their file winds them.
 
     Who scans a room winds it inwards: where nearly all of such a part was wound alike, that tells, of all parts of a
-    surface whose floors look up and whose ceilings down. Else closed parts look outwards.
+    surface whose floors look up and whose ceilings down. Else as by `orient_outwards`.
     """
     part = compute_components(faces, len(vertices))
     normals = compute_area_vectors(vertices, faces)
-    middles, areas = vertices[faces].mean(axis=1) - vertices.mean(axis=0), compute_lengths(normals)
+    middles, areas = vertices[faces].mean(axis=1), compute_lengths(normals)
     size, total = np.bincount(part, areas), sum_by_owner(part, normals, part.max() + 1)
-    kept, volume = (
-        np.bincount(part, np.where(is_kept, areas, -areas)),
-        np.bincount(part, sum_rows(normals * middles)),
-    )
+    kept = np.bincount(part, np.where(is_kept, areas, -areas))
     sides = group_sides(faces, len(vertices))
     rim = sides.slots[sides.starts[sides.counts == 1]] // 3
     is_open = np.bincount(part[rim], minlength=len(size)) > 0
     is_sheet = is_open & (compute_lengths(total) > OPEN_SHARE * size)
     is_inside = is_room(np.where(is_kept, normals[:, 2], -normals[:, 2]), areas, middles[:, 2])
     is_told = (np.abs(kept) > _TOLD * size) & ~(is_sheet & ~is_inside)
-    is_wrong = np.where(is_told, kept, np.where(is_open, total[:, 2], volume)) < 0
-    return np.where(is_wrong[part][:, None], faces[:, ::-1], faces)
+    as_told = np.where((kept < 0)[part, None], faces[:, ::-1], faces)
+    return np.where(is_told[part, None], as_told, orient_outwards(vertices, faces))
 
 
 def _compute_sides(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:

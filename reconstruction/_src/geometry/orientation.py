@@ -19,7 +19,7 @@ from reconstruction._src.geometry.rows import (
     sum_by_owner,
     sum_rows,
 )
-from reconstruction._src.geometry.sampling import count_votes
+from reconstruction._src.geometry.sampling import count_votes, sample_area
 
 _CUT_COST = 1.0
 """Cost of an edge of the rim, in its squared lengths, against the areas of the faces turned: a part is cut off from
@@ -43,6 +43,7 @@ _ON_FLOOR = 0.2  # What is so far from a floor is none of it [m]
 _LEAST_WALLS, _STANDING = 0.1, 3.0
 """Walls of at least this share of the surface, so many times more of them below its floor than on it, hang."""
 _LOWEST = 0.15  # The bottom of a surface is this share of its height
+_NUM_SAMPLES = 1000  # Places of the rest of which half must be in a room
 _LARGEST = 2.0**30  # Flows are 32-bit integers; the sum of the capacities at a face stays below
 
 
@@ -112,8 +113,9 @@ def orient_outwards(
 ) -> Faces:
     """Return the faces, each component turned to the outside; within a component they must be wound alike.
 
-    Closed components (and nearly closed ones) look outwards, but inwards where the scanner stood in them, as in a room.
-    Sheets look towards the scanner where its position is known, else upwards (along z).
+    Closed components (and nearly closed ones) look outwards, but inwards where the scanner stood in them, or where most
+    of the rest is in them, as in a room. Sheets look towards the scanner where its position is known, else upwards
+    (along z).
     """
     if len(faces) == 0:
         return faces
@@ -127,6 +129,9 @@ def orient_outwards(
     is_sheet = compute_lengths(total) > OPEN_SHARE * area
     if viewpoint is None:
         forth = np.where(is_sheet, total[:, 2], outwards)
+        largest = int(area.argmax())
+        if not is_sheet[largest] and _holds_the_rest(vertices, faces, part == largest):
+            forth[largest] *= -1
     else:
         seen_from = np.atleast_2d(np.asarray(viewpoint, dtype=np.float64))
         nearest = seen_from[cKDTree(seen_from).query(middle)[1]]
@@ -135,6 +140,15 @@ def orient_outwards(
             turns = _count_turns(vertices, faces[part == closed], seen_from)
             forth[closed] = -turns if abs(turns) > _INSIDE else outwards[closed]
     return np.where((forth[part] < 0)[:, None], faces[:, ::-1], faces)
+
+
+def _holds_the_rest(vertices: Vertices, faces: Faces, is_shell: Bool[np.ndarray, " F"]) -> bool:
+    """Return whether a component winds around more than half of the area of the others."""
+    rest = faces[~is_shell]
+    if not len(rest):
+        return False
+    turns = _wind(vertices, faces[is_shell], sample_area(vertices, rest, _NUM_SAMPLES))
+    return bool((np.abs(turns) > _INSIDE).mean() > 0.5)
 
 
 def looks_down_below(vertices: Vertices, faces: Faces) -> bool:
@@ -250,17 +264,20 @@ def _count_turns(vertices: Vertices, faces: Faces, viewpoints: Float[np.ndarray,
 
     1 in one that looks outwards, -1 in one that looks inwards, 0 where all viewpoints are outside.
     """
-    import igl
-
     corners = vertices[np.unique(faces)]
     is_near = ((viewpoints >= corners.min(axis=0)) & (viewpoints <= corners.max(axis=0))).all(axis=1)
     if not is_near.any():
         return 0.0
-    places = np.ascontiguousarray(viewpoints[is_near])
-    turns = np.atleast_1d(
-        igl.winding_number(np.ascontiguousarray(vertices, np.float64), np.asarray(faces, np.int64), places)
-    )
+    turns = _wind(vertices, faces, viewpoints[is_near])
     return float(turns[np.abs(turns).argmax()])
+
+
+def _wind(vertices: Vertices, faces: Faces, places: Float[np.ndarray, "K 3"]) -> Float[np.ndarray, " K"]:
+    """Return how often faces wind around places."""
+    import igl
+
+    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.asarray(faces, np.int64)
+    return np.atleast_1d(igl.winding_number(vertices, faces, np.ascontiguousarray(places)))
 
 
 def orient_to_viewpoints(

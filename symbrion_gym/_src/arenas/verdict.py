@@ -23,6 +23,7 @@ ANSWERS = ("yes", "in part", "no")
 ROBOT = ScoutConfig.size[0]  # The robot that a verdict is about: a Scout [m]
 _HELD = 0.02  # Contact this near above or below the surface holds a robot there [m]
 _NUM_SAMPLES = 4000  # Samples of the ground: a share of 2 % is known to 0.2 %
+_OFF = 1e-3  # What is above ground is looked for from this far above it [m]
 _ABOVE = 0.05  # Ground is looked for from this far above the surface [m]
 
 # Limits beyond which a figure says "in part", and beyond which it says "no".
@@ -130,9 +131,12 @@ def _judge_ground(
     if not len(level.faces):
         return
     points = sample_area(np.asarray(level.vertices), np.asarray(level.faces), _NUM_SAMPLES)
+    rise = np.array([0.0, 0.0, 1.0])
     rays = RayMesh([contact.as_mesh()] if isinstance(contact, HeightField) else contact)
-    ends = rays.cast(np.add(points, [0.0, 0.0, _ABOVE]), np.tile([0.0, 0.0, -1.0], (len(points), 1)))
-    loose = float((np.abs(ends - _ABOVE) > _HELD).mean())
+    ends = rays.cast(points + _ABOVE * rise, np.tile(-rise, (len(points), 1)))
+    heights = RayMesh([seen]).cast(points + _OFF * rise, np.tile(rise, (len(points), 1)))
+    is_loose = (np.abs(ends - _ABOVE) > _HELD) & (heights > ROBOT)  # in a lower gap no robot stands
+    loose = float(is_loose.mean())
     meaning = f"{format_share(loose)} of the level ground has no contact within 2 cm"
     yield from _weigh(
         "loose_ground", loose, _LOOSE, meaning, "symbrion arena with another --max-pieces or --kind"
