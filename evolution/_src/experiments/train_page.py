@@ -48,7 +48,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, seed: i
         text = f"The champion ({body}) holds in {drivers['champion']} of {TRIALS} fresh trials: {place}."
         page.add_verdict(text, good=drivers["champion"] >= GOOD * TRIALS)
     for fault in result.list_faults():
-        page.add_verdict(f"{fault.capitalize()}.", good=False)
+        page.add_verdict(f"{fault[0].upper()}{fault[1:]}.", good=False)
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
     named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
     goal = config.goal if isinstance(config.goal, tuple) else None

@@ -1,5 +1,6 @@
 """From a scan to a robot that drives there, on a small floor."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -202,12 +203,17 @@ def test_a_way_that_is_given_is_the_same_in_both_models(order: slice) -> None:
         assert path.corners == pytest.approx(np.array([*way["places"], goal]), abs=1e-6)
 
 
-def test_what_lies_beside_the_scan_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(
-        ev.RunError, match=r"the goal \(500, 1\) lies beside the scan, which extends over x -1.2"
-    ):
-        ev.train(make_scan(), tmp_path / "a", goal=(500.0, 1.0))
+@pytest.mark.parametrize(("end", "place"), [("goal", (500.0, 1.0)), ("start", (0.0, -9.0))])
+def test_what_lies_beside_the_scan_is_refused(tmp_path: Path, end: str, place: tuple[float, float]) -> None:
+    words = rf"the {end} \({place[0]:g}, {place[1]:g}\) lies beside the scan, which extends over x -1.2"
+    with pytest.raises(ev.RunError, match=words):
+        ev.train(make_scan(), tmp_path / "a", **{end: place})
     assert not (tmp_path / "a").exists()
+
+
+def test_an_axis_that_is_given_makes_it_another_scan() -> None:
+    scan = make_scan()
+    assert training._digest(scan) != training._digest(replace(scan, up="z"))
 
 
 def test_after_a_refusal_the_folder_takes_other_options(tmp_path: Path) -> None:

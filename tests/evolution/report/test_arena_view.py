@@ -1,6 +1,7 @@
 """Pictures of an arena show the layers that are asked for."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,6 +81,14 @@ def test_the_plan_has_coordinates_a_robot_and_a_way(truth: sg.Arena) -> None:
     assert yellow[1] > 20
     names = [text.get_text() for text in figures[1].legends[0].get_texts()]
     assert {"robot, 4 modules", "straight way for it"} <= set(names)
+
+
+def test_the_star_is_the_goal_wherever_the_path_ends(truth: sg.Arena) -> None:
+    route = truth.find_route()
+    back = replace(route, goal=route.start)  # a path that ends elsewhere
+    lines = draw_arena(truth, ("surface", "route"), None, back).axes[0].lines
+    star, circle = [next(line for line in lines if line.get_marker() == marker) for marker in "*o"]
+    assert star.get_xydata() == pytest.approx(circle.get_xydata())
 
 
 def test_coordinates_are_those_of_the_view() -> None:

@@ -84,7 +84,8 @@ def test_a_film_holds_its_frames(tmp_path: Path) -> None:
 def test_the_page_holds_everything_itself(tmp_path: Path) -> None:
     page = report.Page("A <title>", "summary", "footer")
     page.add_section("Section", "text & more")
-    page.add_verdict("it holds", good=True)
+    for text, good in (("it holds", True), ("in part", None), ("it fails", False)):
+        page.add_verdict(text, good=good)
     page.add_figure(encode_png(np.zeros((4, 6, 3), np.uint8)), "a caption")
     page.add_video(b"mp4", "a film")
     page.add_table(["arena", "what", "cost"], [["a", "boxes", "1.5"], ["b", "-", "2.5"]], "a table")

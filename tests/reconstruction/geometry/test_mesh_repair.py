@@ -72,6 +72,21 @@ def test_a_closed_body_that_is_wound_at_random_looks_outwards():
     assert repair_mesh(trimesh.Trimesh(box.vertices, faces, process=False)).volume == pytest.approx(24.0)
 
 
+def test_of_parts_wound_at_random_an_open_wall_looks_outwards_and_a_room_around_the_rest_inwards():
+    box = trimesh.creation.box((4, 3, 2)).subdivide().subdivide()
+    box.update_faces(box.triangles_center[:, 0] > -1.9)  # a door or two
+    rng = np.random.default_rng(0)
+    table = trimesh.creation.box((1.0, 1.0, 0.5))
+    above = table.copy().apply_translation([0.0, 0.0, 1.5])
+    for parts, volume in (([box], 1), ([box, table], -1), ([box, above], 1)):
+        mesh = trimesh.util.concatenate(parts)
+        is_flipped = rng.random(len(mesh.faces)) < 0.5
+        faces = np.where(is_flipped[:, None], mesh.faces[:, ::-1], mesh.faces)
+        repaired = repair_mesh(trimesh.Trimesh(mesh.vertices, faces, process=False))
+        shell = repaired.triangles_center[:, 2] < -0.9
+        assert (np.sign(-repaired.face_normals[shell, 2]) == volume).all()
+
+
 def test_useless_faces_go(terrain):
     vertices = np.concatenate([terrain.vertices, [[np.nan] * 3]])
     extra = [terrain.faces[:20, ::-1], terrain.faces[:20][:, [0, 0, 1]], [[0, 1, len(terrain.vertices)]]]

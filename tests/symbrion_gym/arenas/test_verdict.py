@@ -42,6 +42,14 @@ def test_a_figure_decides(shift: float, changes: dict[str, float], figure: str, 
     assert (reason.figure, reason.answer) == (figure, answer)
 
 
+@pytest.mark.parametrize(("rise", "answer"), [(0.05, "yes"), (0.3, "no")])
+def test_no_robot_stands_in_a_gap_lower_than_itself(rise: float, answer: str) -> None:
+    """Below a second floor the first has no contact: nothing is lost where the gap is lower than the robot."""
+    lid = FLOOR.copy().apply_translation([0.0, 0.0, rise])
+    arena = replace(make_floor(rise), surface=trimesh.util.concatenate([FLOOR, lid]))
+    assert arena.verdict.answer == answer
+
+
 @pytest.mark.parametrize(("off", "answer"), [(0.005, "yes"), (0.06, "in part"), (0.4, "no")])
 def test_a_surface_far_from_its_readings_is_good_for_no_robot(off: float, answer: str) -> None:
     """Readings of the floor are spread evenly up to so far above it: the median is half of that."""
