@@ -159,17 +159,17 @@ def train(
     _claim(folder, {"scan": _digest(site), "seed": seed, **options})
     with lock_folder(folder):
         ends = [place[:2] for place in (start, goal) if place is not None]
-        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.2), ends)
+        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6), ends)
         verdict = arenas[0].verdict
         if verdict.answer == "no":
             raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
-        run = evolve_or_resume(config, _part(progress, 0.2, 0.9))
-        progress("judging the champion", 0.9)
+        run = evolve_or_resume(config, _part(progress, 0.6, 0.85))
+        progress("judging the champion", 0.85)
         known = {"training": arenas[0], "other half": arenas[1]} | ({} if truth is None else {"truth": truth})
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
         result = Training(folder, arenas[0], arenas[1], verdict, run, held, folder / PAGE)
-        progress("writing the page", 0.95)
+        progress("writing the page", 0.9)
         write_train_page(result, list(known.values())[-1], source, seed)
         progress("done", 1.0)
         return result

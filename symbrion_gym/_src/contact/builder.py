@@ -374,7 +374,7 @@ def _add_notes(problem: ContactProblem, contact: Contact, record: list) -> Conta
         if options.kind in ("hfield", "prisms"):
             remedy = "take kind 'convex'"
         elif 2 * count >= options.max_pieces:
-            remedy = f"allow more pieces (max_pieces is {options.max_pieces})"
+            remedy = f"allow more pieces (--max-pieces {2 * options.max_pieces}, max_pieces)"
         if problem.shape == "terrain" and options.kind not in ("hfield", "prisms"):
             remedy += ", or take kind 'hfield'"
         notes["warnings"].append(
