@@ -18,15 +18,7 @@ if TYPE_CHECKING:
     from evolution._src.search.cmaes import Run
     from evolution._src.search.config import EvolutionConfig
     from evolution._src.search.evaluation import Evaluation, Evaluator, evaluate
-    from evolution._src.search.loop import (
-        confirm,
-        evolve,
-        evolve_bodies,
-        load_bodies,
-        load_run,
-        resume,
-        resume_bodies,
-    )
+    from evolution._src.search.loop import confirm, evolve, load_run, resume
     from evolution._src.search.run import load_champion
     from evolution._src.search.validation import Champion, Validation
 
@@ -55,15 +47,12 @@ __all__ = [
     "confirm",
     "evaluate",
     "evolve",
-    "evolve_bodies",
     "find_controller",
     "judge",
-    "load_bodies",
     "load_champion",
     "load_run",
     "play",
     "resume",
-    "resume_bodies",
     "train",
 ]
 

@@ -110,8 +110,8 @@ def test_what_bodies_with_it_have_learned_is_read_where_it_is_allowed(tmp_path):
     config = made_bodies.make_config(
         controller=Wave, track_control="constant", bodies=bodies, folder=tmp_path / "run"
     )
-    run = ev.evolve_bodies(config, simulate=made_bodies.simulate)
-    unknown, known = ev.load_bodies(tmp_path / "run"), ev.load_bodies(tmp_path / "run", ALLOW)
+    run = ev.evolve(config, simulate=made_bodies.simulate)
+    unknown, known = ev.load_run(tmp_path / "run"), ev.load_run(tmp_path / "run", ALLOW)
     assert (unknown.results, unknown.champion) == ((), run.champion)
     assert (known.results, known.champion) == (run.results, run.champion)
     with pytest.raises(ev.RunError, match="was not allowed"):

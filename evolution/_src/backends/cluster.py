@@ -127,11 +127,11 @@ class RayBackend(WorkerPool[Handle]):
     def _receive(self, reference: Handle) -> Reply[Handle]:
         worker = self._running.pop(reference)
         try:
-            return Reply(worker, self._ray.get(reference))
+            return worker, self._ray.get(reference)
         except self._ray.exceptions.RayTaskError as error:
             raise RunError(f"a worker could not try its genotypes: {error.cause}") from error
         except self._ray.exceptions.RayError:
-            return Reply(worker, None)  # the actor or its node died
+            return worker, None  # the actor or its node died
 
     def _stop(self, worker: Handle) -> None:
         self._running = {

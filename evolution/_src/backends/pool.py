@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,9 @@ MAX_DEATHS = 2
 have any reason."""
 logger = logging.getLogger(__name__)
 Worker = TypeVar("Worker")
+Reply: TypeAlias = tuple[
+    Worker, list[Outcome] | None
+]  # A worker, and the outcomes of its jobs; None if it died
 Simulate = Callable[[Sequence[Job], int], list[Outcome]]
 """Tries jobs on a number of threads. Worker processes import it by name, so for them it is a function of a module."""
 
@@ -73,13 +76,6 @@ class BatchBackend:
 
     def close(self) -> None:
         """Do nothing: there are no workers to stop."""
-
-
-class Reply(NamedTuple, Generic[Worker]):
-    """The reply of a worker."""
-
-    worker: Worker  # worker that replies
-    outcomes: list[Outcome] | None  # one for each of its jobs; None if it died
 
 
 class WorkerPool(ABC, Generic[Worker]):

@@ -93,10 +93,10 @@ class ProcessBackend(WorkerPool[_Worker]):
         try:
             result = worker.connection.recv()
         except (EOFError, OSError):
-            return Reply(worker, None)
+            return worker, None
         if isinstance(result, RunError):
             raise result
-        return Reply(worker, result)
+        return worker, result
 
     def _stop(self, worker: _Worker) -> None:
         worker.connection.close()  # the worker reads the end and leaves

@@ -42,11 +42,8 @@ MAX_ENVIRONMENTS = 12  # Compiled vector environments that a process keeps, of e
 CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw", "patch_friction")
 """Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""
 Range = tuple[float, float]
-_OPEN = (
-    "task",
-    "scoring",
-    "descriptors",
-)  # Fields that take values of a user, which a file keeps as `Stored`
+_OPEN = ("task", "scoring", "descriptors")
+"""Fields that take values of a user, which a file keeps as `Stored`."""
 _TYPES_IN_FILES: dict[str, Any] = {
     "arena": str,
     "modules": int,

@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Collection
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from evolution._src.backends.rollout import make_environment_options
 from evolution._src.backends.scoring import Outcome
 from evolution._src.backends.settings import BodyConfig, EpisodeConfig, Randomization, take_fields
 from evolution._src.backends.trials import Job, Trials, find_trial_controller
-from evolution._src.controllers.protocol import Controller, Structure, check_genotypes, reset_rows
+from evolution._src.controllers.protocol import Structure, check_genotypes, reset_rows
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_TRIALS
 from evolution._src.search.run import load_champion
@@ -133,18 +134,38 @@ def play(
         ValueError: the environment cannot be made; `ArenaError` and `OrganismError` are among them.
     """
     conditions = make_champion_trials(champion, arena, start, allow)
-    environment = OrganismEnv(
-        render_mode="human" if window else "rgb_array",
-        width=size[0],
-        height=size[1],
-        **make_environment_options(conditions),
+    controller, genotype = find_trial_controller(conditions), np.array(champion.genotype)[None]
+    mode, (width, height) = "human" if window else "rgb_array", size
+    options = make_environment_options(conditions)
+    positions, rotations, frames = [], [], []
+    film, ended = film and not window, False
+    with closing(OrganismEnv(mode, width, height, **options)) as environment:
+        observation, info = environment.reset(seed=seed)
+        state = controller.begin(1)
+        ticks_per_frame = max(1, round(speed / (fps * environment.dt)))
+        began = time.perf_counter()
+        while not ended:
+            if window:  # wait for the time of the film
+                time.sleep(max(0.0, float(info["time"]) / speed - (time.perf_counter() - began)))
+            if film and len(positions) % ticks_per_frame == 0:
+                film = _add_frame(environment, frames)
+            actions, state = controller.act(
+                observation[None], genotype, environment.observation_structure, state
+            )
+            observation, _, terminated, truncated, info = environment.step(actions[0])
+            physics = environment.physics
+            positions.append(physics.position[0].copy())
+            rotations.append(physics.rotation[0].reshape(-1, 3, 3).copy())
+            ended = terminated or truncated
+    return Recording(
+        success=bool(info["success"]),
+        progress=float(info["progress"]),
+        seconds=float(info["time"]),
+        positions=np.array(positions),
+        rotations=np.array(rotations),
+        frames=frames,
+        fps=fps,
     )
-    try:
-        return _run(
-            environment, champion, find_trial_controller(conditions), seed, film and not window, speed, fps
-        )
-    finally:
-        environment.close()
 
 
 def make_champion_trials(
@@ -162,44 +183,6 @@ def make_champion_trials(
     if start is not None:
         settings["start"] = start
     return Trials(**settings, **others)
-
-
-def _run(
-    environment: OrganismEnv,
-    champion: Champion,
-    controller: Controller,
-    seed: int,
-    film: bool,
-    speed: float,
-    fps: int,
-) -> Recording:
-    genotype = np.array(champion.genotype)[None]
-    observation, info = environment.reset(seed=seed)
-    state = controller.begin(1)
-    positions, rotations, frames = [], [], []
-    ticks_per_frame = max(1, round(speed / (fps * environment.dt)))
-    progress, ended = 0.0, False
-    is_shown, began = environment.render_mode == "human", time.perf_counter()
-    while not ended:
-        if is_shown:  # wait for the time of the film
-            time.sleep(max(0.0, float(info["time"]) / speed - (time.perf_counter() - began)))
-        if film and len(positions) % ticks_per_frame == 0:
-            film = _add_frame(environment, frames)
-        actions, state = controller.act(observation[None], genotype, environment.observation_structure, state)
-        observation, _, terminated, truncated, info = environment.step(actions[0])
-        physics = environment.physics
-        positions.append(physics.position[0].copy())
-        rotations.append(physics.rotation[0].reshape(-1, 3, 3).copy())
-        progress, ended = float(info["progress"]), terminated or truncated
-    return Recording(
-        success=bool(info["success"]),
-        progress=progress,
-        seconds=float(info["time"]),
-        positions=np.array(positions),
-        rotations=np.array(rotations),
-        frames=frames,
-        fps=fps,
-    )
 
 
 def _add_frame(environment: OrganismEnv, frames: list[UInt8[np.ndarray, "H W 3"]]) -> bool:

@@ -316,7 +316,7 @@ def evolve_champion(
         outcome = judge(champion, arena, sizes.trials, seed, workers=workers)
         judged[name] = {"successes": outcome.successes, "trials": outcome.trials}
     return {
-        "champion": champion.as_dict(),
+        "champion": champion.to_json(),
         "genotypes": int(history["evaluations"][-1]),
         "generations": len(history),
         **{name: history[name].tolist() for name in ("evaluations", "best", "median")},

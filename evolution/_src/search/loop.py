@@ -151,46 +151,6 @@ def load_run(folder: str | Path, allow: Collection[str] = ()) -> Run:
     return make_run(config, record, champion.names if champion else (), run_folder.path)
 
 
-def evolve_bodies(
-    config: BodyEvolutionConfig,
-    *,
-    simulate: Simulate | None = None,
-    on_iteration: OnGeneration | None = None,
-    progress: Progress = silent,
-) -> BodyRun:
-    """Search for bodies from the beginning: `evolve`, which calls `on_iteration` after each iteration."""
-    run = evolve(config, simulate=simulate, on_generation=on_iteration, progress=progress)
-    assert isinstance(run, BodyRun)
-    return run
-
-
-def resume_bodies(folder: str | Path, *, on_iteration: OnGeneration | None = None, **options: Any) -> BodyRun:
-    """Continue a search for bodies: `resume`, which calls `on_iteration` after each new iteration.
-
-    Raises:
-        RunError: as of `resume`, or the run is none of bodies.
-    """
-    _require_bodies(folder)
-    return resume(folder, on_generation=on_iteration, **options)  # pyright: ignore[reportReturnType]
-
-
-def load_bodies(folder: str | Path, allow: Collection[str] = ()) -> BodyRun:
-    """Read a search for bodies without continuing it: `load_run`.
-
-    Raises:
-        RunError: as of `load_run`, or the run is none of bodies.
-    """
-    _require_bodies(folder)
-    return load_run(folder, allow)  # pyright: ignore[reportReturnType]
-
-
-def _require_bodies(folder: str | Path) -> None:
-    if not isinstance(RunFolder(folder).read_config(), BodyEvolutionConfig):
-        raise RunError(
-            f"{folder} contains no search for bodies; ev.load_run reads it, ev.resume continues it"
-        )
-
-
 def confirm(
     run: BodyRun,
     candidates: int = CANDIDATES,
@@ -246,7 +206,7 @@ def confirm(
     blocks: list[int] = []
     with nullcontext() if folder is None else folder.lock():
         if folder and folder.read_record(config).num_generations != record.num_generations:
-            raise RunError(f"{run.folder} has changed since it was read; read it again by ev.load_bodies")
+            raise RunError(f"{run.folder} has changed since it was read; read it again by ev.load_run")
         backend = make_backend(config.backend, config.workers, config.address, simulate or simulate_bodies)
         try:
             tried = rules.try_again(range(len(chosen)), attempt, tries)

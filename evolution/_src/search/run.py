@@ -143,7 +143,7 @@ class RunFolder:
         rows = ([value.item() for value in row] for row in run.history)
         self._replace(HISTORY_FILE, format_table(HISTORY.names or (), rows))
         if run.champion is not None:
-            self._replace(CHAMPION, _to_json(run.champion.as_dict()))
+            self._replace(CHAMPION, _to_json(run.champion.to_json()))
         if isinstance(run, BodyRun):
             self._replace(TABLE, format_table(_TABLE_COLUMNS, map(_describe, run.results)))
 
@@ -202,7 +202,7 @@ def load_champion(path: str | Path) -> Champion:
     path = Path(path)
     path = path / CHAMPION if path.is_dir() else path
     try:
-        return Champion.from_dict(read_json(path))
+        return Champion.from_json(read_json(path))
     except (JsonError, RunError) as error:
         raise RunError(f"{path}: {error}; a run writes it after each generation") from error
 

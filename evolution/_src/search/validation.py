@@ -12,7 +12,7 @@ References:
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Self
 
 import numpy as np
 from jaxtyping import Float
@@ -145,17 +145,9 @@ class Champion(EpisodeConfig, BodyConfig):
         coerce_integers(self, counts, RunError)
         coerce_floats(self, {"fitness": (-MAX_MAGNITUDE, MAX_MAGNITUDE)}, RunError)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the content of `champion.json`.
-
-        Raises:
-            RunError: controller or task cannot be restored.
-        """
-        return self.to_json()
-
     @classmethod
-    def from_dict(cls, content: object) -> "Champion":
-        """Return the champion described by `as_dict`; this imports nothing.
+    def from_json(cls, content: object, where: str = "") -> Self:
+        """Return the champion that `to_json` described, the content of `champion.json`; this imports nothing.
 
         Raises:
             RunError: a field is missing, unknown or of the wrong kind.
@@ -163,7 +155,7 @@ class Champion(EpisodeConfig, BodyConfig):
         missing = [name for name in _NEEDED if isinstance(content, dict) and name not in content]
         if missing:
             raise RunError(f"it lacks the field {missing[0]!r}")
-        return cls.from_json(content, "")
+        return super().from_json(content, where)
 
 
 def expect_success(outcome: Outcome) -> float:

@@ -180,7 +180,7 @@ def make_bodies_config(arena):
 @pytest.mark.slow
 def test_a_search_goes_on_where_a_body_does_not_fit(monkeypatch, caplog):
     config = make_bodies_config("stairs")
-    usual = ev.evolve_bodies(config)
+    usual = ev.evolve(config)
     find = FarEnd.find
 
     def refuse_two(self, arena, organism, start):
@@ -191,7 +191,7 @@ def test_a_search_goes_on_where_a_body_does_not_fit(monkeypatch, caplog):
     monkeypatch.setattr(FarEnd, "find", refuse_two)
     monkeypatch.setattr(rollout, "_environments", OrderedDict())
     with caplog.at_level(logging.WARNING):
-        run = ev.evolve_bodies(config)
+        run = ev.evolve(config)
     known, found = (
         {result.body.num_modules: result for result in each.results if result.level == 0}
         for each in (usual, run)

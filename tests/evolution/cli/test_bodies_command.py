@@ -31,7 +31,7 @@ def test_the_champion_is_confirmed_and_said_to_be(tmp_path, capsys, made):
     assert "more learning may help" in text
     champion = ev.load_champion(tmp_path / "run")
     assert (champion.successes, champion.trials) == (0, 8)
-    assert ev.load_bodies(tmp_path / "run").champion == champion
+    assert ev.load_run(tmp_path / "run").champion == champion
 
 
 def test_options_of_bodies_are_refused_elsewhere(tmp_path, capsys):
@@ -48,4 +48,4 @@ def test_successes_are_said_in_plain_words(tmp_path):
     assert "succeeded in 1 of 1 trials of its exam, not confirmed" in describe_success(found)
     found = ev.evolve(made_bodies.make_config(folder=tmp_path / "run"), simulate=simulate)
     ev.confirm(found, simulate=simulate)
-    assert "succeeded in 7 of 8 fresh trials" in describe_success(ev.load_bodies(tmp_path / "run"))
+    assert "succeeded in 7 of 8 fresh trials" in describe_success(ev.load_run(tmp_path / "run"))

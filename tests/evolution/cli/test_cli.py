@@ -189,7 +189,7 @@ def test_a_search_for_bodies_is_replayed_and_has_no_curve(tmp_path, capsys):
     arena = str(tmp_path / "mine")
     sg.load_arena("truth").save(arena)
     options = {"arena": arena, "track_control": "body", "duration": 0.5, "folder": folder, "iterations": 1}
-    ev.evolve_bodies(ev.BodyEvolutionConfig(task="cross_gap", bodies=bodies, learning=learning, **options))
+    ev.evolve(ev.BodyEvolutionConfig(task="cross_gap", bodies=bodies, learning=learning, **options))
     assert run(["replay", folder, "--trials", "1", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["trials"], told["arena"]) == (1, arena)

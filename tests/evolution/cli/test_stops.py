@@ -27,9 +27,9 @@ def test_the_command_that_is_proposed_goes_on(tmp_path, capsys):
     assert "stopped by --generations 1; to go on: " in printed
     command = re.search("to go on: symbrion (.*)", printed)
     assert command is not None
-    before = len(ev.load_bodies(folder).history)
+    before = len(ev.load_run(folder).history)
     assert run([*shlex.split(command[1])]) == 0
-    assert len(ev.load_bodies(folder).history) > before
+    assert len(ev.load_run(folder).history) > before
 
 
 def test_a_search_without_anything_left_says_so():
@@ -57,7 +57,7 @@ def test_an_interruption_names_the_command_that_goes_on(tmp_path, capsys, monkey
     )
     monkeypatch.setattr("evolution._src.backends.rollout.simulate", made_bodies.simulate)
     assert run(["resume", folder, "--generations", "2"]) == 0
-    assert len(ev.load_bodies(folder).history) == 2
+    assert len(ev.load_run(folder).history) == 2
 
 
 def test_progress_within_an_iteration_changes_nothing(tmp_path):
@@ -81,7 +81,7 @@ def test_progress_within_an_iteration_changes_nothing(tmp_path):
 def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
     words = ["--bodies", "3", "--environment", "track_control", "skid", "--generations", "1"]
     assert run([*SEARCH[:5], *words, "--population-size", "2", "--folder", str(tmp_path / "run")]) == 0
-    found = ev.load_bodies(tmp_path / "run")
+    found = ev.load_run(tmp_path / "run")
     assert {result.body.num_modules for result in found.results} == {3}
     assert len(found.results) <= 2
 

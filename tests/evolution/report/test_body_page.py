@@ -51,8 +51,8 @@ def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
         return outcomes
 
     ev.evolve(made_bodies.make_config(folder=tmp_path / "run"), simulate=simulate)
-    ev.confirm(ev.load_bodies(tmp_path / "run"), 20, simulate=simulate)
-    run = ev.load_bodies(tmp_path / "run")
+    ev.confirm(ev.load_run(tmp_path / "run"), 20, simulate=simulate)
+    run = ev.load_run(tmp_path / "run")
     film = SimpleNamespace(frames=[0], fps=5)
     monkeypatch.setattr("evolution._src.report.body_page.play", lambda *_, **__: film)
     monkeypatch.setattr("evolution._src.report.body_page.encode_video", lambda *_: b"film")

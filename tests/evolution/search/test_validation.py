@@ -176,13 +176,13 @@ def make_champion(**changes):
 
 def test_champions_survive_json():
     champion = make_champion(successes=15, trials=16, environment=(("pit", 0.3), ("bottomless", True)))
-    content = champion.as_dict()
+    content = champion.to_json()
     assert content["environment"] == {"pit": 0.3, "bottomless": True}
-    assert Champion.from_dict(content) == champion
-    again = Champion.from_dict(content | {"genotype": [1], "names": ["b"]})
+    assert Champion.from_json(content) == champion
+    again = Champion.from_json(content | {"genotype": [1], "names": ["b"]})
     assert (again.genotype, again.names) == ((1.0,), ("b",))
     with pytest.raises(RunError, match="wings"):
-        Champion.from_dict(content | {"wings": 2})
+        Champion.from_json(content | {"wings": 2})
 
 
 @pytest.mark.parametrize(
@@ -194,6 +194,6 @@ def test_champions_survive_json():
 )
 def test_invalid_champions_are_refused(change):
     with pytest.raises(RunError, match=r"^(genotype|names|successes|modules)"):
-        Champion.from_dict(make_champion().as_dict() | change)
+        Champion.from_json(make_champion().to_json() | change)
     with pytest.raises(RunError, match="controller"):
-        Champion.from_dict({"genotype": (0.1,), "names": ("a",)})
+        Champion.from_json({"genotype": (0.1,), "names": ("a",)})

@@ -205,7 +205,7 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
         "generations": done,
         "evaluations": int(run.history[-1]["evaluations"]) if done else 0,
         "solved": run.is_solved,
-        "champion": champion.as_dict() if champion else None,
+        "champion": champion.to_json() if champion else None,
     }
     count = format_count(done, run.config.STEP)
     console.print_line(f"{count}, {summary['evaluations']} genotypes in {run.folder}")

@@ -73,7 +73,7 @@ class Replay(SeededCommand, TrustingCommand):
         if champion is None:
             raise ev.RunError(f"{self.folder} has no champion yet; `symbrion resume {self.folder}` first")
         arena = self.arena or choose_arena(champion.arena)
-        summary: dict[str, Any] = {"arena": arena, "trials": self.trials, "champion": champion.as_dict()}
+        summary: dict[str, Any] = {"arena": arena, "trials": self.trials, "champion": champion.to_json()}
         options: dict[str, Any] = {"start": self.start, "allow": self.allow_code}
         if self.trials:
             with console.track(f"{format_count(self.trials, 'trial')} in {arena}"):
@@ -105,9 +105,11 @@ class Replay(SeededCommand, TrustingCommand):
                 console.print_line("no video: this machine has no OpenGL")
         if self.page is not None:
             from evolution._src.report.body_page import make_body_page
+            from evolution._src.search.bodies.run import BodyRun
 
             self.page.parent.mkdir(parents=True, exist_ok=True)  # fails before the films
-            bodies = ev.load_bodies(self.folder, self.allow_code)
+            bodies = ev.load_run(self.folder, self.allow_code)
+            assert isinstance(bodies, BodyRun)
             with console.track("Page of bodies") as step:
                 make_body_page(bodies, self.films, self.seed, step.progress).write(self.page)
             console.print_line(f"{self.page}: a click on a body shows it drive")

@@ -77,8 +77,8 @@ def test_a_resumed_run_equals_one_that_never_stopped_also_after_a_kill(whole, tm
     with pytest.raises(KeyboardInterrupt):
         evolve(make_config(folder=tmp_path), simulate=dying)
     assert 0 < len(load_run(tmp_path).history) < 5
-    assert summarize(ev.resume_bodies(tmp_path, simulate=landscape, workers=3)) == summarize(whole)
-    assert summarize(ev.load_bodies(tmp_path)) == summarize(load_run(whole.folder)) == summarize(whole)
+    assert summarize(ev.resume(tmp_path, simulate=landscape, workers=3)) == summarize(whole)
+    assert summarize(load_run(tmp_path)) == summarize(load_run(whole.folder)) == summarize(whole)
     assert (tmp_path / "bodies.csv").read_bytes() == (whole.folder / "bodies.csv").read_bytes()
     assert ev.load_champion(tmp_path) == whole.champion
 
@@ -139,15 +139,13 @@ def test_progress_counts_the_trials_of_an_iteration_and_of_a_resumed_run_begins_
 
 def test_folders_of_other_runs_are_refused_in_one_line(whole, tmp_path):
     with pytest.raises(RunError, match="contains no run"):
-        ev.resume_bodies(tmp_path / "nothing", simulate=landscape)
+        ev.resume(tmp_path / "nothing", simulate=landscape)
     assert not (tmp_path / "nothing").exists()
-    evolve(ev.EvolutionConfig(generations=0, folder=tmp_path / "other"), simulate=landscape)
-    with pytest.raises(RunError, match="contains no search for bodies"):
-        ev.load_bodies(tmp_path / "other")
     with pytest.raises(RunError, match="cannot change"):
         resume(whole.folder, seed=3)
     content = json.loads((whole.folder / "config.json").read_text())
     content["config"]["seed"] = 7
+    evolve(ev.EvolutionConfig(generations=0, folder=tmp_path / "other"), simulate=landscape)
     (tmp_path / "other" / "config.json").write_text(json.dumps(content))
     with pytest.raises(RunError, match="another configuration"):
         resume(tmp_path / "other", simulate=landscape)

@@ -43,7 +43,7 @@ def search(folder, physics=None, count=COUNT, **changes):
     physics = physics or Physics()
     bodies = ev.BodiesConfig(largest=3, children=4, population_size=4)
     config = made_bodies.make_config(**{"bodies": bodies, "iterations": 4, "folder": folder} | changes)
-    run = ev.evolve_bodies(config, simulate=physics)
+    run = ev.evolve(config, simulate=physics)
     ev.confirm(run, count, simulate=physics)
     return run
 
@@ -62,7 +62,7 @@ def whole(tmp_path_factory):
 
 def test_the_most_reliable_candidate_is_the_champion_and_stored(whole):
     assert whole.champion.modules == 3  # the fittest of the exams
-    found = ev.load_bodies(whole.folder)
+    found = ev.load_run(whole.folder)
     assert (found.champion.modules, found.champion.successes, found.champion.trials) == (RELIABLE, 48, 48)
     assert found.confirmation.champion == ev.load_champion(whole.folder) == found.champion
     assert found.confirmation.result.body.num_modules == RELIABLE
@@ -109,7 +109,7 @@ def test_any_interruption_gives_the_same_files(whole, tmp_path):
         folder = tmp_path / str(most)
         with pytest.raises(KeyboardInterrupt):
             search(folder, Physics(most), workers=workers)
-        run = ev.resume_bodies(folder, simulate=Physics(), workers=4 - workers)
+        run = ev.resume(folder, simulate=Physics(), workers=4 - workers)
         ev.confirm(run, COUNT, simulate=Physics())
         assert read_files(folder) == read_files(whole.folder)
 
@@ -117,15 +117,15 @@ def test_any_interruption_gives_the_same_files(whole, tmp_path):
 @pytest.mark.slow
 def test_a_longer_run_is_confirmed_again_and_a_shorter_one_refused(whole, tmp_path):
     short = search(tmp_path / "parts", iterations=1)
-    assert ev.load_bodies(tmp_path / "parts").confirmation is not None
-    run = ev.resume_bodies(tmp_path / "parts", iterations=4, simulate=Physics())
+    assert ev.load_run(tmp_path / "parts").confirmation is not None
+    run = ev.resume(tmp_path / "parts", iterations=4, simulate=Physics())
     assert run.confirmation is None
     with pytest.raises(RunError, match="read it again"):
         ev.confirm(short, simulate=Physics())
     ev.confirm(run, COUNT, simulate=Physics())
     assert read_files(tmp_path / "parts") == read_files(whole.folder)
-    again = ev.confirm(ev.load_bodies(tmp_path / "parts"), COUNT, ev.Validation(rounds=(4, 4)), Physics())
-    assert again.champion.trials == ev.load_bodies(tmp_path / "parts").champion.trials == 8
+    again = ev.confirm(ev.load_run(tmp_path / "parts"), COUNT, ev.Validation(rounds=(4, 4)), Physics())
+    assert again.champion.trials == ev.load_run(tmp_path / "parts").champion.trials == 8
 
 
 def test_what_cannot_be_confirmed_is_refused(whole):
