@@ -4,7 +4,7 @@ And arenas made of arenas: with colors, with objects, a little longer.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -280,7 +280,7 @@ class Arena:
         optional = {
             "has_texture": self.texture is not None,
             "course": self.course and self.course.as_dict(),
-            "friction_map": self.friction_map and self.friction_map.as_dict(),
+            "friction_map": self.friction_map and asdict(self.friction_map),
             "primitives": self.primitives and primitives_to_dict(self.primitives),
             "objects": [each.as_dict() for each in self.objects],
             "unseen": list(self.unseen),

@@ -4,6 +4,7 @@ import hashlib
 import json
 import logging
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -35,7 +36,7 @@ def hash_arena(
     for array, kind in ((mesh.vertices, "<f8"), (mesh.faces, "<i8"), (two_sided, "?")):
         digest.update(repr(np.shape(array)).encode())
         digest.update(np.ascontiguousarray(array, dtype=kind).tobytes())
-    digest.update(json.dumps([_hash_code(), options.as_dict(), find_versions()], sort_keys=True).encode())
+    digest.update(json.dumps([_hash_code(), asdict(options), find_versions()], sort_keys=True).encode())
     return digest.hexdigest()[:32]
 
 

@@ -1,14 +1,12 @@
 """Where the ground is more or less slippery than elsewhere: patches seen from above, each with its friction."""
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
 from reconstruction._src.base.range_checks import check_not_negative
-from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.checks import check_friction
 from symbrion_gym._src.errors import ArenaError
@@ -96,22 +94,6 @@ class FrictionMap:
             outlines = tuple(tuple((factor * x + shift, y) for x, y in outline) for outline in patch.outlines)
             patches.append(replace(patch, outlines=outlines))
         return FrictionMap(tuple(patches), self.half_width)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields, for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> "FrictionMap":
-        """Return what `as_dict` was made of.
-
-        Raises:
-            ArenaError: a field is missing, unknown, of another type or out of range.
-        """
-        try:
-            return as_type(fields, cls, "friction_map")
-        except JsonError as error:
-            raise ArenaError(str(error)) from error
 
 
 def _is_inside(places: Float[np.ndarray, "N 2"], outline: Outline) -> np.ndarray:

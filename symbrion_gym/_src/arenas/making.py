@@ -1,7 +1,7 @@
 """Arenas by name, from folders, and made of surfaces."""
 
 import logging
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -197,7 +197,7 @@ def make_arena(
     about = {
         "source": scanned.source,
         "num_faces": len(scanned.mesh.faces),
-        "options": options.as_dict(),
+        "options": asdict(options),
         "versions": find_versions(),
         **contact.notes,
         "warnings": warnings,

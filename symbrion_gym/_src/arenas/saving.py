@@ -224,7 +224,7 @@ class _Description:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
     has_texture: bool = False  # whether the surface has colors
-    friction_map: dict[str, Any] | None = None  # as `FrictionMap.as_dict` returned it
+    friction_map: FrictionMap | None = None
     primitives: dict[str, Any] | None = None  # as `primitives_to_dict` returned them, for the kind "mixed"
     objects: tuple[dict[str, Any], ...] = ()  # as `PlacedObject.as_dict` returned them
     unseen: tuple[int, ...] = ()  # numbers of faces of the surface
@@ -250,10 +250,9 @@ class _Description:
     def as_arena_fields(self) -> dict[str, Any]:
         """Return the fields of an `Arena` that are not geometry."""
         same = ("name", "kind", "friction", "provenance", "offset", "friction_source", "unseen", "verdict")
-        return {name: getattr(self, name) for name in same} | {
+        return {name: getattr(self, name) for name in (*same, "friction_map")} | {
             "course": None if self.course is None else make_course(self.course),
             "quality": ArenaQuality.from_dict(self.quality),
-            "friction_map": None if self.friction_map is None else FrictionMap.from_dict(self.friction_map),
             "primitives": None if self.primitives is None else primitives_from_dict(self.primitives),
             "objects": read_objects(self.objects),
         }

@@ -32,7 +32,7 @@ from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
 from symbrion_gym._src.contact.reach import Reach
-from symbrion_gym._src.contact.visibility import add_visibility, measure_visibility
+from symbrion_gym._src.contact.visibility import measure_visibility
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.traversability.footprint import SLOPE_LIMIT
 
@@ -160,16 +160,10 @@ def find_unseen(mesh: trimesh.Trimesh, points: Float[np.ndarray, "N 3"] | None) 
 
 def find_doubts(scanned: ScannedSurface) -> list[str]:
     """Return what a user may have meant otherwise: a size that is none of a robot's place."""
-    warnings = []
     vertices = np.asarray(scanned.mesh.vertices)
-    if scanned.points is None and vertices.ndim == 2 and np.isfinite(vertices).all():
-        odd = describe_odd_size(vertices)
-        if odd:
-            warnings.append(
-                f"{scanned.source}: {odd}; a mesh is read in meters: give its unit or scale (--unit, --scale) if it is "
-                "in another unit"
-            )
-    return warnings
+    odd = describe_odd_size(vertices) if scanned.points is None and np.isfinite(vertices).all() else ""
+    remedy = "a mesh is read in meters: give its unit or scale (--unit, --scale) if it is in another unit"
+    return [f"{scanned.source}: {odd}; {remedy}"] if odd else []
 
 
 def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshFrame) -> ScannedSurface:
@@ -317,8 +311,8 @@ def add_scan_quality(
     if zone is not None:
         is_near = zone.measure_excess(points) <= 0
         points, seen_from = points[is_near], None if seen_from is None else seen_from[is_near]
-    visibility = measure_visibility(points, scanned.viewpoints, seen_from, contact, surface)
-    return add_visibility(quality, visibility)
+    seen = measure_visibility(points, scanned.viewpoints, seen_from, contact, surface)
+    return quality if seen is None else replace(quality, **seen._asdict())
 
 
 _NUM_READINGS = 5000  # Readings whose distance from the surface is measured
@@ -364,9 +358,7 @@ def sample_mesh_colors(mesh: trimesh.Trimesh, vertices: Float[np.ndarray, "V 3"]
         else:
             colors = np.asarray(visual.vertex_colors)[corners].astype(np.float64)
             colors = np.round(np.einsum("sk,ski->si", weights, colors))
-    except (
-        Exception
-    ) as error:  # trimesh needs a library for pictures, and files name pictures that are not there
+    except Exception as error:  # trimesh needs a library for pictures, and files name some that are not there
         _logger.warning("the colors of the mesh are left out: %s", error)
         return None
     rgb = np.ascontiguousarray(np.asarray(colors)[:, :3], dtype=np.uint8)

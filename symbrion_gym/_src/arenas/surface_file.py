@@ -1,7 +1,7 @@
 """Mesh files: those that arenas are made of, and OBJ as arenas are saved and exported."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TypeAlias
 
 import numpy as np
 import trimesh
@@ -43,11 +43,8 @@ _LARGEST = 2**30  # Bytes of one mesh; a million faces take 0.06 GB
 _COLOR_DIGITS = 4  # Decimals of a channel: enough for bytes
 
 
-class LoadedObj(NamedTuple):
-    """A mesh exactly as its file has it, with the colors of its vertices."""
-
-    mesh: trimesh.Trimesh
-    uv: Float[np.ndarray, "F 3 2"] | None  # places of the corners of faces in a texture; None without
+LoadedObj: TypeAlias = tuple[trimesh.Trimesh, Float[np.ndarray, "F 3 2"] | None]
+"""A mesh exactly as its file has it, and the places of the corners of its faces in a texture; None without one."""
 
 
 def load_obj(path: Path) -> LoadedObj:
@@ -90,7 +87,7 @@ def _parse_obj(text: str) -> LoadedObj:
     if is_colored:
         colors = np.clip(np.round(WHITE * values[:, 3:]), 0, WHITE).astype(np.uint8)
         mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=add_alpha(colors))
-    return LoadedObj(mesh, uv)
+    return mesh, uv
 
 
 def _as_indices(words: list[str], count: int, what: str) -> np.ndarray:

@@ -208,8 +208,7 @@ def compute_offsets(
 class NearestPoints(NamedTuple):
     """Nearest points of a surface."""
 
-    distances: Distances  # how far they are [m]
-    heights: Distances  # the same, below 0 behind the surface: where its faces do not look to [m]
+    heights: Distances  # how far they are, below 0 behind the surface: where its faces do not look to [m]
     normals: Points  # unit normals of the nearest faces
 
 
@@ -227,8 +226,7 @@ def find_signed_nearest(points: Points, surface: trimesh.Trimesh) -> NearestPoin
         np.ascontiguousarray(faces[is_face]),
         igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL,
     )
-    heights = np.ravel(heights)
-    return NearestPoints(np.abs(heights), heights, normals[is_face][np.ravel(face)])
+    return NearestPoints(np.ravel(heights), normals[is_face][np.ravel(face)])
 
 
 _FINEST = 1.0 / 35.0  # Contact need not be closer, in sizes of the robot: a Scout's tracks do not feel 3 mm

@@ -9,7 +9,7 @@
 | `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,10 +58,6 @@ class ContactOptions:
                 raise ArenaError(f"{name} must be above 0, got {value}")
         if self.max_pieces < 1:
             raise ArenaError(f"max_pieces must be 1 or more, got {self.max_pieces}")
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields, for JSON."""
-        return asdict(self)
 
 
 class HeightField(NamedTuple):

@@ -5,7 +5,6 @@ that grew towards the scanner they end too early, and the free space that they p
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +15,7 @@ from scipy.spatial import cKDTree
 from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.contact.distances import compute_depths
 from symbrion_gym._src.contact.kinds import HeightField
-from symbrion_gym._src.contact.quality import ArenaQuality, RayMesh
-from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.contact.quality import RayMesh
 
 _GOLDEN_RATIO = 0.61803398875
 """Its fractional part: offsets of successive beams this far apart fill the interval evenly."""
@@ -44,9 +42,8 @@ class Beams(NamedTuple):
     ranges: Float[np.ndarray, " R"]  # distances of the readings [m]
 
 
-@dataclass(frozen=True)
-class Visibility:
-    """Shares that compare an arena with the beams of its scan."""
+class Visibility(NamedTuple):
+    """Shares that compare an arena with the beams of its scan; see the fields of `ArenaQuality`."""
 
     # share of beams that end on contact geometry within reach of their reading; a beam whose viewpoint is
     # inside a piece does not
@@ -54,7 +51,6 @@ class Visibility:
     beams_surface: float  # the same on the surface
     # share of the points along the beams, before the reading, that are inside contact geometry
     free_space: float
-    num_beams: int  # number of beams
 
 
 def measure_visibility(
@@ -81,19 +77,6 @@ def measure_visibility(
             np.abs(on_surface.cast(beams.origins, beams.directions) - beams.ranges) <= _REACH
         ),
         free_space=_find_share(is_solid[len(starts) :]),
-        num_beams=len(beams.ranges),
-    )
-
-
-def add_visibility(quality: ArenaQuality, visibility: Visibility | None) -> ArenaQuality:
-    """Return the quality of an arena with the shares of beams and free space; as it is where there are none."""
-    if visibility is None:
-        return quality
-    return replace(
-        quality,
-        beams_contact=visibility.beams_contact,
-        beams_surface=visibility.beams_surface,
-        free_space=visibility.free_space,
     )
 
 
@@ -103,10 +86,8 @@ def find_beams(
     seen_from: Int[np.ndarray, " M"] | None,
     surface: RayMesh,
 ) -> Beams:
-    """Return the beams of at most `max_beams` readings."""
+    """Return the beams of at most `_MAX_BEAMS` readings."""
     viewpoints = np.asarray(viewpoints, dtype=np.float64).reshape(-1, 3)
-    if seen_from is not None:
-        _check_indices(seen_from, len(points), len(viewpoints))
     if not len(viewpoints):
         points = points[:0]
     if len(points) > _MAX_BEAMS:
@@ -120,17 +101,6 @@ def find_beams(
     is_beam = ranges >= _LEAST_RANGE
     origins, ranges = origins[is_beam], ranges[is_beam]
     return Beams(origins, (points[is_beam] - origins) / ranges[:, None], ranges)
-
-
-def _check_indices(seen_from: Int[np.ndarray, " M"], num_points: int, num_viewpoints: int) -> None:
-    if len(seen_from) != num_points:
-        raise ArenaError(
-            f"seen_from has {len(seen_from)} entries for {num_points} points; one each is needed"
-        )
-    if len(seen_from) and not (seen_from.min() >= 0 and seen_from.max() < num_viewpoints):
-        raise ArenaError(
-            f"seen_from names viewpoints {seen_from.min()} to {seen_from.max()}; there are {num_viewpoints}, from 0 on"
-        )
 
 
 def _find_viewpoints(

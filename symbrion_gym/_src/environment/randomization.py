@@ -35,14 +35,9 @@ def make_nominal_domain(world: World) -> Domain:
     return Domain(world.friction, 1.0, 0.0, 0.0, 0.0, world.organism.scout.track_speed)
 
 
-def list_random(world: World, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the reset options of an episode: its own, those of every episode, and those of the task."""
-    return {**world.config.randomize, **options}
-
-
 def draw_domain(world: World, options: Mapping[str, Any], rng: np.random.Generator) -> Domain:
     """Return the circumstances of one episode."""
-    wanted = list_random(world, options)
+    wanted = {**world.config.randomize, **options}
     for name in wanted:
         check_choice("reset options", name, RANDOM_OPTIONS, OptionError)
     nominal = make_nominal_domain(world)._asdict()

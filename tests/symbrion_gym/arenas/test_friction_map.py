@@ -101,8 +101,6 @@ def test_impossible_values_are_refused() -> None:
         FrictionMap((), -0.1)
     with pytest.raises(ArenaError, match="no outline"):
         FrictionPatch(0.5, ())
-    with pytest.raises(ArenaError, match="friction_map"):
-        FrictionMap.from_dict({"patches": [{"friction": "much"}]})
 
 
 def test_height_fields_have_one_friction() -> None:

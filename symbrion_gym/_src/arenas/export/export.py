@@ -1,6 +1,7 @@
 """Exporting an arena: one folder that the simulators of others load without this package."""
 
 import re
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,7 @@ def export_arena(
         "units": "m",
         "up": "z",
         "friction": geometry.friction,
-        **({} if friction_map is None else {"friction_map": friction_map.as_dict()}),
+        **({} if friction_map is None else {"friction_map": asdict(friction_map)}),
         "num_pieces": len(geometry.pieces),
         "num_solids": len(content.solids),
         "max_vertices": max_vertices,

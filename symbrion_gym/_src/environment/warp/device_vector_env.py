@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.environment.config import check_count
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym._src.environment.randomization import Domain, list_random, split_reset
+from symbrion_gym._src.environment.randomization import Domain, split_reset
 from symbrion_gym._src.environment.warp.batch import WarpBatch, list_columns
 from symbrion_gym._src.environment.warp.state import Episode
 from symbrion_gym._src.environment.warp.tick import DeviceRun, RunState
@@ -228,7 +228,8 @@ class DeviceVectorEnv(KnowsLimits, VectorEnv[Any, Any, Any]):  # pyright: ignore
 
     def _count_starts(self, options: Mapping[str, Any]) -> int:
         """Return how many starts are drawn; one where nothing is random."""
-        is_random = any(np.size(value) > 1 for value in list_random(self.world, options).values())
+        wanted = {**self.config.randomize, **options}
+        is_random = any(np.size(value) > 1 for value in wanted.values())
         return self._num_starts if is_random else 1
 
     def _list_seeds(self, seed: Any, rows: np.ndarray, count: int) -> list[Any]:
