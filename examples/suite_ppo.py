@@ -22,10 +22,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
 from evolution._src.backends.rollout import make_environment_options
-from evolution._src.controllers.joints import count_tracks
 from evolution._src.search.run import describe_origin
 from evolution._src.suite.baselines import LEARNING_SEED
 from evolution.suite import BUDGET, SEEDS, SUITE, Entry, SuiteTask, fill_submission, find_suite_task
+from symbrion_gym._src.environment.config import count_tracks
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.stable_baselines_env import StableBaselinesEnv
 from symbrion_gym._src.robot.body_plans import organism_to_text

@@ -12,7 +12,6 @@ import numpy as np
 
 from evolution._src.backends.scoring import Scoring, check_descriptors
 from evolution._src.controllers.finding import ControllerSource, controller_to_json, find_controller, freeze
-from evolution._src.controllers.joints import count_tracks
 from evolution._src.controllers.protocol import Controller
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_MAGNITUDE, MAX_MODULES, MIN_POSITIVE, Stored, find_value, store
@@ -26,7 +25,7 @@ from reconstruction._src.base.range_checks import (
     format_count,
 )
 from reconstruction._src.base.typed_json import JsonError, as_type
-from symbrion_gym._src.environment.config import RANDOM_LIMITS, STARTS, EnvironmentConfig
+from symbrion_gym._src.environment.config import RANDOM_LIMITS, STARTS, EnvironmentConfig, count_tracks
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Organism, snake
 

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from evolution._src.controllers.protocol import Structure
 from evolution._src.errors import RunError
-from reconstruction._src.base.range_checks import check_choice, format_count
+from reconstruction._src.base.range_checks import format_count
 
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
@@ -180,13 +180,6 @@ def compute_bearing(observation: Float[Any, "P O"], structure: Structure) -> Flo
     if part is None:
         return xp.zeros((len(observation), 1))
     return xp.asarray(observation[:, part.start : part.start + 1], dtype=float)
-
-
-def count_tracks(track_control: str, num_modules: int) -> int:
-    """Return the number of track speeds in an action under the option `track_control` of the environment."""
-    counts = {"constant": 0, "body": 1, "modules": num_modules, "skid": 2 * num_modules}
-    check_choice("track_control", track_control, tuple(counts), RunError)
-    return counts[track_control]
 
 
 def make_drive(organism: "Organism", num_tracks: int, bound: float) -> Drive:

@@ -10,7 +10,6 @@ from evolution._src.backends.cluster import BACKENDS, LOCAL_BACKENDS
 from evolution._src.backends.scoring import Scoring, find_scoring
 from evolution._src.backends.settings import BodyConfig, TrialConfig
 from evolution._src.controllers.finding import check_genotype, refer_to_controller
-from evolution._src.controllers.joints import count_tracks
 from evolution._src.errors import RunError
 from evolution._src.references import (
     MAX_GENERATIONS,
@@ -29,6 +28,7 @@ from reconstruction._src.base.range_checks import (
     coerce_integers,
     format_count,
 )
+from symbrion_gym._src.environment.config import count_tracks
 from symbrion_gym._src.robot.organism import Organism
 
 MAX_SIGMA = 1000.0

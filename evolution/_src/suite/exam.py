@@ -27,7 +27,6 @@ from evolution._src.backends.scoring import Scoring
 from evolution._src.backends.settings import read_organism
 from evolution._src.backends.trials import Job
 from evolution._src.controllers.finding import check_genotype, find_controller, find_of_module
-from evolution._src.controllers.joints import count_tracks
 from evolution._src.controllers.protocol import Structure, reset_rows
 from evolution._src.errors import EvolutionError, RunError
 from evolution._src.references import check_allowed
@@ -36,6 +35,7 @@ from evolution._src.suite.tasks import SuiteTask, find_suite_task, make_true_are
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.base.progress import Progress, silent
 from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.environment.config import count_tracks
 
 TRIALS = 10  # Trials of an entry, on the scan and in the truth each
 SCORING = Scoring(module=0.0)

@@ -13,12 +13,12 @@ from typing import Any
 
 from evolution._src.backends.settings import read_organism
 from evolution._src.controllers.finding import check_genotype, find_controller
-from evolution._src.controllers.joints import count_tracks
 from evolution._src.errors import RunError
 from evolution._src.suite.tasks import BUDGET, SEEDS, VERSION, SuiteTask, find_suite_task
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.typed_json import JsonError, as_type, read_json
+from symbrion_gym._src.environment.config import count_tracks
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
 FORMAT = "symbrion suite submission 2"

@@ -10,6 +10,7 @@ import trimesh
 from jaxtyping import Bool
 
 from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.halfspaces import Box
 from reconstruction._src.surfaces.primitives.find import Primitives, find_primitives
 from reconstruction._src.surfaces.primitives.primitive import Primitive
 from symbrion_gym._src.contact.distances import SurfaceDistance
@@ -43,13 +44,14 @@ def add_mesh(
     return body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
 
 
-def add_primitive(spec: mujoco.MjSpec, name: str, one: Primitive, **options: Any) -> mujoco.MjsGeom:
-    """Add a primitive to the world of a spec as a geom."""
+def add_primitive(
+    body: mujoco.MjsBody, name: str, kind: str, shape: Primitive | Box, **options: Any
+) -> mujoco.MjsGeom:
+    """Add a shape of a kind to a body as a geom."""
     quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(one.axes).ravel())
-    return spec.worldbody.add_geom(
-        name=name, type=_GEOMS[one.kind], pos=one.center, quat=quaternion, size=one.half_sizes, **options
-    )
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(shape.axes).ravel())
+    place = {"pos": shape.center, "quat": quaternion, "size": shape.half_sizes}
+    return body.add_geom(name=name, type=_GEOMS[kind], **place, **options)
 
 
 def add_mixed_surface(
@@ -57,7 +59,7 @@ def add_mixed_surface(
 ) -> None:
     """Add what rays see: primitives, and the triangles that they do not replace as meshes."""
     for i, one in enumerate(primitives.shapes):
-        add_primitive(spec, f"arena_primitive_{i}", one, **options)
+        add_primitive(spec.worldbody, f"arena_primitive_{i}", one.kind, one, **options)
     for i, corners in enumerate(_join_small(primitives.find_rest(surface))):
         vertices, index = np.unique(corners.reshape(-1, 3).astype(np.float32), axis=0, return_inverse=True)
         mesh = trimesh.Trimesh(vertices, index.reshape(-1, 3), process=False)

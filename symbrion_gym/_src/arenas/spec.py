@@ -13,7 +13,8 @@ from symbrion_gym._src.arenas.friction_map import FrictionMap, find_piece_patche
 from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects
 from symbrion_gym._src.arenas.primitives import add_mesh, add_mixed_surface, add_primitive, find_solids
 from symbrion_gym._src.arenas.texture import SurfaceTexture, add_texture
-from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.kinds import FIELD_BASE, HeightField
+from symbrion_gym._src.robot.scout_constants import OTHER_FRICTION
 
 
 class ArenaGeometry(NamedTuple):
@@ -34,12 +35,10 @@ SURFACE_GROUP = 2  # Geom group of the exact surface: drawn, hit by rays, touche
 CONTACT_GROUP = 3  # Geom group of the contact pieces: touched, not drawn unless asked for
 PATCH_PRIORITY = 2
 """Geom priority of pieces in a friction patch: above that of robots, whose friction holds elsewhere."""
-ROLLING_FRICTION = (0.005, 0.0001)  # Torsional [m] and rolling [m] friction: MuJoCo's defaults
 SURFACE_COLOR = (0.62, 0.60, 0.56, 1.0)
 SURFACE_LOOK = {"contype": 0, "conaffinity": 0, "group": SURFACE_GROUP, "rgba": SURFACE_COLOR}
 _GOLDEN_RATIO = 0.61803398875  # Its fractional part: hues this far apart never come near each other
 _LEAST_RISE = 1e-3  # MuJoCo wants a height field with some height [m]
-_FIELD_BASE = 0.2  # How far a height field reaches below its lowest point [m]
 
 
 def make_arena_spec(geometry: ArenaGeometry, use_files: bool = False) -> mujoco.MjSpec:
@@ -65,8 +64,8 @@ def make_arena_spec(geometry: ArenaGeometry, use_files: bool = False) -> mujoco.
     add_solids(spec, spec.worldbody, solids[: len(solids) - len(primitives)], friction, use_files)
     colors = make_piece_colors(len(solids))
     for i, one in enumerate(primitives, len(solids) - len(primitives)):
-        look = {"group": CONTACT_GROUP, "rgba": colors[i], "friction": [friction, *ROLLING_FRICTION]}
-        add_primitive(spec, solids[i].name, one, **look)
+        look = {"group": CONTACT_GROUP, "rgba": colors[i], "friction": [friction, *OTHER_FRICTION]}
+        add_primitive(spec.worldbody, solids[i].name, one.kind, one, **look)
     if geometry.height_field is not None:
         add_height_field(spec, spec.worldbody, geometry.height_field, friction)
     if geometry.primitives is not None:
@@ -113,15 +112,12 @@ def add_solids(
 ) -> None:
     """Add contact to a body."""
     for i, (solid, color) in enumerate(zip(solids, make_piece_colors(len(solids)), strict=True)):
-        look = {"group": CONTACT_GROUP, "rgba": color, "friction": [friction, *ROLLING_FRICTION]}
+        look = {"group": CONTACT_GROUP, "rgba": color, "friction": [friction, *OTHER_FRICTION]}
         if solid.box is None:
             file = f"pieces/{i:03d}.obj" if use_files else ""
             geom = add_mesh(spec, body, solid.name, solid.mesh, file, **look)
         else:
-            quaternion = np.empty(4)
-            mujoco.mju_mat2Quat(quaternion, solid.box.axes.ravel())
-            place = {"pos": solid.box.center, "quat": quaternion, "size": solid.box.half_sizes}
-            geom = body.add_geom(name=solid.name, type=mujoco.mjtGeom.mjGEOM_BOX, **place, **look)
+            geom = add_primitive(body, solid.name, "box", solid.box, **look)
         if solid.friction is not None:
             geom.priority, geom.friction[0] = PATCH_PRIORITY, solid.friction
 
@@ -135,7 +131,7 @@ def add_height_field(spec: mujoco.MjSpec, body: mujoco.MjsBody, field: HeightFie
         name="arena_height_field",
         nrow=rows,
         ncol=columns,
-        size=[*((field.high - field.low) / 2), rise, _FIELD_BASE],
+        size=[*((field.high - field.low) / 2), rise, FIELD_BASE],
         userdata=((field.heights - lowest) / rise).ravel(),
     )
     body.add_geom(
@@ -144,5 +140,5 @@ def add_height_field(spec: mujoco.MjSpec, body: mujoco.MjsBody, field: HeightFie
         hfieldname="arena_height_field",
         pos=[*((field.high + field.low) / 2), lowest],
         group=CONTACT_GROUP,
-        friction=[friction, *ROLLING_FRICTION],
+        friction=[friction, *OTHER_FRICTION],
     )

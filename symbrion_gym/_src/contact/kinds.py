@@ -24,6 +24,7 @@ CONTACT_KINDS = ("convex", "hfield", "prisms", "mixed")  # What an arena can be 
 CONTACT_CHOICES = ("auto", *CONTACT_KINDS)  # What can be asked for
 ACCEPTANCE_P95 = 3.0  # 95th percentile of the distance that is good enough, in accuracies
 UNCOVERED = 0.008  # Share of the surface without contact within 5 cm that is good enough
+FIELD_BASE = 0.2  # How far a height field reaches below its lowest point [m]
 _INSIDE = 1e-6  # The grid of a height field begins this far inside the rim [m], so that the rim itself is hit
 _SPACING = 0.02  # Distance of its points, unless another is asked for [m]
 _MAX_CELLS = 400_000  # They are farther apart where there would be more

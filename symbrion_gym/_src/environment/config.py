@@ -87,6 +87,13 @@ def apply_options(organism: Organism, wanted: Mapping[str, Any]) -> Organism:
 _OF_TASK = ("terminations", "rewards")
 STARTS = ("floor", "pit")
 TRACK_CONTROLS = ("constant", "body", "modules", "skid")
+
+
+def count_tracks(track_control: str, num_modules: int) -> int:
+    """Return the number of track speeds in an action under the option `track_control`."""
+    return (0, 1, num_modules, 2 * num_modules)[TRACK_CONTROLS.index(track_control)]
+
+
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
     "torque_scale": (1e-3, 10.0),

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from symbrion_gym._src.environment.config import count_tracks
 from symbrion_gym._src.environment.observation import DeadReckoning, Observer, find_goal, measure_way
 from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.errors import OptionError
@@ -27,9 +28,8 @@ class Commands:
     """From actions to targets of the hinges' servos and speeds of the tracks, of arrays of NumPy or JAX."""
 
     def __init__(self, world: World, num: int = 1) -> None:
-        config, modules = world.config, world.num_modules
-        numbers = {"constant": 0, "body": 1, "modules": modules, "skid": 2 * modules}
-        self.num_tracks = numbers[config.track_control]  # of track speeds in an action
+        config = world.config
+        self.num_tracks = count_tracks(config.track_control, world.num_modules)
         self.num_actions = world.num_hinges + self.num_tracks
         self.num_hinges, self._is_skid = world.num_hinges, config.track_control == "skid"
         # Limits have a row for each simulation on the host: they are applied faster than by broadcasting.

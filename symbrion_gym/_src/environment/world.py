@@ -37,7 +37,6 @@ from symbrion_gym._src.tasks.state import Scene
 
 logger = logging.getLogger(__name__)
 _MADE_IN_CODE = ("truth", "simple", "stairs")
-_RESIZABLE = ("truth", "simple")  # Named arenas whose pit has a width of choice
 
 
 def find_arena(config: EnvironmentConfig) -> Arena:
@@ -45,14 +44,12 @@ def find_arena(config: EnvironmentConfig) -> Arena:
     arena = config.arena
     if not isinstance(arena, Arena | str | Path):
         raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
-    if arena in _MADE_IN_CODE and (config.course or arena in config.default_course):
+    if arena in _MADE_IN_CODE:
         return _make_course_arena(str(arena), config)
     if config.course:
         raise ArenaError(
             f"sizes of a course go with an arena made in code, {', '.join(_MADE_IN_CODE)}, not with {str(arena)!r}"
         )
-    if arena in _RESIZABLE:
-        return load_arena(str(arena), pit=config.default_pit if config.pit is None else config.pit)
     progress = config.progress or _log_progress
     found = arena if isinstance(arena, Arena) else load_arena(arena, progress=progress)
     if config.pit is not None and getattr(found.course, "pit", None) != config.pit:

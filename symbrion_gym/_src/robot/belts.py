@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from reconstruction._src.base.range_checks import check_choice, check_counts, check_positive
 from reconstruction._src.geometry.pose import make_quarter_turn
 from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.scout_constants import OTHER_FRICTION
 
 _GRAVITY = 9.81  # [m/s²]
 _LEAST_IMPEDANCE, _LARGEST_IMPEDANCE = 0.9, 0.95  # MuJoCo's defaults of `solimp`
@@ -95,8 +96,6 @@ BELT_MODELS = ("belts", "wheels")
 _STILL = 1e-9
 """Surface velocity at compilation [rad/s]: MuJoCo ignores those that are written later to a model without any."""
 _PARTS = 3  # Geoms of a belt
-_OTHER_FRICTION = (0.005, 0.0001)
-"""Torsional and rolling friction: MuJoCo's defaults, without effect in contacts of three dimensions."""
 _RUBBER = (0.12, 0.12, 0.13, 1.0)
 
 
@@ -318,7 +317,7 @@ def _add_geom(
         condim=3,
         priority=1,
         conaffinity=0,
-        friction=[config.friction, *_OTHER_FRICTION],
+        friction=[config.friction, *OTHER_FRICTION],
         rgba=_RUBBER,
     )
     if is_wheel:

@@ -15,7 +15,13 @@ import trimesh
 from jaxtyping import Float
 
 from reconstruction._src.geometry.pose import PlanarPose, make_quarter_turn, make_quaternion
-from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, CONTACT_GROUP, SIDES, ScoutConfig
+from symbrion_gym._src.robot.scout_constants import (
+    ARM_RADIUS,
+    CONTACT_GROUP,
+    OTHER_FRICTION,
+    SIDES,
+    ScoutConfig,
+)
 
 _FRICTION_STIFFNESS = (12.0, 1.5)
 """Of friction against that of contacts, over the number of modules, and the least: at rest on 20° they creep by less
@@ -24,8 +30,6 @@ CONTACT_TIME = 0.01
 """Time in which a contact of the robot gives way, of MuJoCo's `solref` [s]: twice the usual physics step, the stiffest
 that stays stable. With twice as much, robots sink by more than 10 mm where friction is high."""
 MIDDLE_RISE = 0.002  # Of the middle wheel of a track above the outer ones [m] (estimate)
-_OTHER_FRICTION = (0.005, 0.0001)
-"""Torsional and rolling friction: MuJoCo's defaults, without effect in contacts of three dimensions."""
 _CONTACT_COLOR = (0.9, 0.4, 0.1, 0.0)  # Transparent, so that rays pass
 
 
@@ -97,7 +101,7 @@ def add_contact(
         group=CONTACT_GROUP,
         condim=3,
         priority=1,
-        friction=[config.friction, *_OTHER_FRICTION],
+        friction=[config.friction, *OTHER_FRICTION],
         rgba=_CONTACT_COLOR,
         solref=[CONTACT_TIME, 1.0],
     )

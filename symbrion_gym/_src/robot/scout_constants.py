@@ -10,6 +10,8 @@ SIDES = ("front", "back", "left", "right")
 CONTACT_GROUP = 4  # Geom group of what touches; not drawn unless asked for
 SCOUT_LIMITS = {"friction": (1e-3, 5.0), "track_speed": (0.0, 2.0), "hinge_torque": (1e-3, 100.0)}
 """Smallest and largest value of what options set: within these a snake sinks by less than 10 mm into the ground."""
+OTHER_FRICTION = (0.005, 0.0001)
+"""Torsional and rolling friction [m]: MuJoCo's defaults, without effect in contacts of three dimensions."""
 ARM_RADIUS = 0.015  # The arm ends in a rounded bar across, 60 mm wide and of this radius [m] (estimate)
 
 

@@ -25,10 +25,8 @@ from symbrion_gym._src.swarm.world import DECISION, SwarmCommands
 if TYPE_CHECKING:
     from symbrion_gym._src.swarm.film import SwarmCamera
 
-LEVELS = {
-    "kinematic": KinematicWorld,
-    "dynamic": DynamicWorld,
-}  # All robots simply and fast; all in full contact
+LEVELS = {"kinematic": KinematicWorld, "dynamic": DynamicWorld}
+"""All robots simply and fast; all in full contact."""
 TASKS = ("cross", "assemble")  # To get beyond the pit; to dock until all robots are one body
 MOST_ROBOTS = 1000
 NUM_MESSAGES = 16  # Messages that a dock can send: numbers from 0 on

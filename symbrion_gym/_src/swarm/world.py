@@ -10,6 +10,7 @@ from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import SIDES
 
 DECISION = 0.1  # Time between two decisions of a robot [s]: the rate at which the hardware logs its states
+FOLDED = np.pi / 2  # Angle of the hinge of an arm that is folded up, as nothing is docked to it [rad]
 FRONT, BACK, LEFT, RIGHT = range(len(SIDES))
 
 

@@ -126,11 +126,8 @@ def place_tree(
     What is docked to the front of a module is fixed to its arm, which the hinge turns about the module's lateral axis
     and the second joint, if there is one, about its own.
     """
-    angles, count, arms = (
-        qpos[:, 7:],
-        len(organism.hinges),
-        {},
-    )  # rotations of the arms, seen from the chassis
+    angles, count = qpos[:, 7:], len(organism.hinges)
+    arms = {}  # their rotations, seen from the chassis
     for index, module in enumerate(organism.hinges):
         arms[module] = make_rotation(pitch=-angles[:, index])
         if angles.shape[1] >= 2 * count and organism.scout.dofs == 2:

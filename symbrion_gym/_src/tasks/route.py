@@ -18,6 +18,7 @@ from symbrion_gym._src.tasks.features.way import LIES_UNDER, Line, Way
 from symbrion_gym._src.traversability.drivable import TraversabilityMap
 from symbrion_gym._src.traversability.footprint import Footprint
 from symbrion_gym._src.traversability.routes import (
+    STOREY,
     find_standing_place,
     find_straight_way,
     find_straight_way_from,
@@ -92,7 +93,7 @@ class SuccessCriteria:
     corner: float = 0.05
     touch_band: float = 0.01  # a module this close to the floor of the pit touches it [m]
     max_rate: float = (
-        50.0  # a coordinate faster than this [m/s or rad/s] has diverged; nothing in an arena is
+        50.0  # a coordinate that is faster [m/s or rad/s], as nothing in an arena is, has diverged
     )
 
     @classmethod
@@ -115,7 +116,6 @@ _GOAL_TO_RIM = 0.2  # Between the goal and the rim of such a surface [m]
 _NOSE = 0.02  # Room behind the tail at the start before an obstacle, beside half a module [m]
 _BELOW = 0.3  # A module this far below the lowest ground has fallen off [m]
 _SAME_PLACE = 1e-3  # Two points closer than this have no direction from one to the other [m]
-_STOREY = 0.25  # A given z is that of ground no farther above or below than this [m]
 _WALL = 0.30
 """What rises by more than this within `_SAMPLES` is a wall [m]: higher than steps and plateaus that snakes climb."""
 _SAMPLES = 0.05  # Spacing of heights along a way [m]
@@ -298,8 +298,8 @@ def _find_ends(
                 f"{format_extents(low.tolist(), high.tolist())}"
             )
     ground = find_ground_map(arena, organism)
-    first = None if start is None else find_standing_place(ground, "start", start, arena.name, _STOREY)
-    last = None if goal is None else find_standing_place(ground, "goal", goal, arena.name, _STOREY)
+    first = None if start is None else find_standing_place(ground, "start", start, arena.name)
+    last = None if goal is None else find_standing_place(ground, "goal", goal, arena.name)
     length = (organism.num_modules - 1) * organism.scout.pitch
     if start is None or goal is None:
         is_open = _is_open(arena, ground, middle_way)
@@ -316,7 +316,7 @@ def _find_ends(
             start = middle_way[0] if is_open else _find_far(ground, last, length)
     assert start is not None
     assert goal is not None
-    first = find_standing_place(ground, "start", start, arena.name, _STOREY)
+    first = find_standing_place(ground, "start", start, arena.name)
     begin, end, height = start[:2], goal[:2], float(ground.height[first])
     is_under = _lies_under(arena, begin, end, height, length)
     if last is not None:
@@ -375,7 +375,7 @@ def _lies_under(
     ahead = way / max(float(np.linalg.norm(way)), _SAMPLES)
     line = begin + np.arange(-length - _BEYOND, _BEYOND, _SAMPLES)[:, None] * ahead
     highest = arena.height(line[:, 0], line[:, 1])
-    below = arena.elevation.height_below(line[:, 0], line[:, 1], height + _STOREY)
-    hangs = (highest > height + _STOREY) & ~(highest - below <= LIES_UNDER)
+    below = arena.elevation.height_below(line[:, 0], line[:, 1], height + STOREY)
+    hangs = (highest > height + STOREY) & ~(highest - below <= LIES_UNDER)
     is_below = abs(float(arena.height(begin[0], begin[1])) - height) > LIES_UNDER
     return is_below or bool(hangs.any())

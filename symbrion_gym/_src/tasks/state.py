@@ -54,35 +54,6 @@ class Scene:
         return self.arena.elevation.height_below(x, y, z)
 
 
-class HostArrays:
-    """The answers of NumPy; those of JAX are in `symbrion_gym._src.environment.warp.state`.
-
-    A term that uses operators, methods of arrays, the functions of `xp`, and these methods runs on both. On a device
-    all simulations are computed at once: whatever looks at values (`if`, `np.flatnonzero`) belongs in here.
-    """
-
-    xp: Any = np  # namespace of the arrays, here NumPy
-    memory: dict[str, np.ndarray]  # what terms remember, name -> `[N, ...]`
-    scene: Scene  # arena and way of all simulations
-
-    def may_hold(self, mask: Bool[np.ndarray, " N"]) -> bool:
-        """Return whether something is so in any simulation; on a device True, as looking would take time."""
-        return bool(np.count_nonzero(mask))
-
-    def confirm(
-        self, mask: Bool[np.ndarray, " M"], find: Callable[[Int[np.ndarray, " K"]], Bool[np.ndarray, " K"]]
-    ) -> Bool[np.ndarray, " M"]:
-        """Return where something is so and something else as well, which is looked for only there."""
-        rows = np.flatnonzero(mask)
-        if len(rows):
-            mask[rows] = find(rows)
-        return mask
-
-    def keep(self, name: str, values: np.ndarray, where: Bool[np.ndarray, " N"]) -> None:
-        """Change what a term remembers in some simulations; see `TaskState.remember`."""
-        np.copyto(self.memory[name], values, where=where)
-
-
 class Views(NamedTuple):
     """What is read of the physics of N simulations."""
 
@@ -93,8 +64,12 @@ class Views(NamedTuple):
     torque: Float[np.ndarray, "N h"]  # of the hinges [N m], one physics step behind
 
 
-class TaskState(HostArrays):
+class TaskState:
     """What the terms of a task see. Rows are simulations; one is a row like any other.
+
+    A term that uses operators, methods of arrays, the functions of `xp`, `may_hold`, `confirm` and `keep` runs on a
+    device as well, on a `DeviceState` (`symbrion_gym._src.environment.warp.state`). There all simulations are computed
+    at once: whatever looks at values (`if`, `np.flatnonzero`) belongs into these methods.
 
     Attributes:
         position: `[N, n, 3]` centers of the modules [m].
@@ -137,6 +112,8 @@ class TaskState(HostArrays):
         memory: what terms remember, name -> `[N, ...]`; see `remember`.
         scene: arena and way of all simulations.
     """
+
+    xp: Any = np  # namespace of the arrays, here NumPy
 
     def __init__(
         self, scene: Scene, goal: Any, num: int, dt: float, action: Float[np.ndarray, "N A"]
@@ -279,6 +256,23 @@ class TaskState(HostArrays):
             self.memory[name] = np.array(np.broadcast_to(value, shape))
             self._initial[name] = initial
         return self.memory[name]
+
+    def may_hold(self, mask: Bool[np.ndarray, " N"]) -> bool:
+        """Return whether something is so in any simulation; on a device True, as looking would take time."""
+        return bool(np.count_nonzero(mask))
+
+    def confirm(
+        self, mask: Bool[np.ndarray, " M"], find: Callable[[Int[np.ndarray, " K"]], Bool[np.ndarray, " K"]]
+    ) -> Bool[np.ndarray, " M"]:
+        """Return where something is so and something else as well, which is looked for only there."""
+        rows = np.flatnonzero(mask)
+        if len(rows):
+            mask[rows] = find(rows)
+        return mask
+
+    def keep(self, name: str, values: np.ndarray, where: Bool[np.ndarray, " N"]) -> None:
+        """Change what a term remembers in some simulations; see `remember`."""
+        np.copyto(self.memory[name], values, where=where)
 
     @property
     def time(self) -> Float[np.ndarray, " N"]:

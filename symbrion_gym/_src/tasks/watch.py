@@ -36,9 +36,8 @@ class Watch:
         # `[N]` whether the episode ended by what happened, or was cut off, at the last tick that any ended
         self.terminated, self.truncated = np.zeros((2, num), dtype=bool)
         self._held = np.zeros(num)
-        self._hold_ticks = max(
-            1, int(np.ceil(state.criteria.hold_time / state.dt - 1e-9))
-        )  # but for rounding
+        ticks = state.criteria.hold_time / state.dt
+        self._hold_ticks = max(1, int(np.ceil(ticks - 1e-9)))  # but for rounding
         self._last_tick = min(round(task.duration / state.dt), max_ticks)
         self._seen = np.zeros((len(MEASURES), num), dtype=bool)
         self._limits = np.zeros(self._seen.shape)

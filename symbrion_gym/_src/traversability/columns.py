@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.kinds import FIELD_BASE, HeightField
 
 Cells = Int[np.ndarray, " N"]  # Numbers of cells; -1 for none
 Heights = Float[np.ndarray, " N"]  # [m]
@@ -19,12 +19,10 @@ Spots = Int[np.ndarray, "T 2"]  # steps in cells along x and y
 _LEAST_AREA = 1e-12  # Triangles with less in plan are vertical [m²]
 _MOST_PAIRS = 2_000_000  # Pairs of triangle and cell that are treated at once: bounds the memory
 _ROUNDING = 1e-9  # Centers of cells this close outside a triangle lie in it [m]: neighbors leave no crack
-_FIELD_BASE = 0.2  # How far a height field reaches below its lowest point [m]
 _WALL_DETAIL = 0.005  # Points of walls in a cell whose heights differ by less are one [m]
 _CRACK = 0.002  # Gaps between contact pieces up to this width are none [m]: tracks have a radius of 0.02
-_WALL_SLOPE = float(
-    np.deg2rad(50.0)
-)  # Steeper faces are walls, also where they are thinner than a cell [rad]
+_WALL_SLOPE = float(np.deg2rad(50.0))
+"""Steeper faces are walls, also where they are thinner than a cell [rad]."""
 
 
 class Grid(NamedTuple):
@@ -184,7 +182,7 @@ def find_spans(grid: Grid, pieces: list[trimesh.Trimesh], height_field: HeightFi
     )
     if height_field is not None:
         ground = find_crossings(grid, np.asarray(height_field.as_mesh().triangles))
-        base = np.full(len(ground.cell), float(height_field.heights.min()) - _FIELD_BASE)
+        base = np.full(len(ground.cell), float(height_field.heights.min()) - FIELD_BASE)
         cell = np.concatenate([cell, ground.cell])
         low, high = np.concatenate([low, base]), np.concatenate([high, ground.height])
     # Intervals of a cell that overlap or nearly touch are one.

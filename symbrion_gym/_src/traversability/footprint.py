@@ -24,9 +24,8 @@ of natural terrain it tips over at 17. 2 modules climb 30 degrees straight up; o
 ROLL_LIMIT = float(np.deg2rad(15.0))
 """Side slope on which Scouts stay upright [rad]. Measured in MuJoCo across planes, at rest, driving and turning: 1, 2,
 4 and 8 modules stand at 25 degrees and tip over at 30; bumps of natural terrain add up to 10 on one side."""
-_FRICTION_SHARE = (
-    0.85  # Of the angle of friction that is climbed: tracks that turn or cross a seam slip sooner
-)
+_FRICTION_SHARE = 0.85
+"""Of the angle of friction that is climbed: tracks that turn or cross a seam slip sooner."""
 
 
 @dataclass(frozen=True)

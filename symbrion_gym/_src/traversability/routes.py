@@ -21,22 +21,20 @@ Place = Sequence[float] | np.ndarray  # (x, y), or (x, y, z) where there are sev
 FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]  # Whether the scanner saw places [m]
 
 _SLIPPERY = 0.9  # Ground with less than this share of the largest friction is slippery
-_AMPLE_ROOM = (
-    2.0  # Ends are chosen so many times the body's reach from walls, or in the half with the most room
-)
+_AMPLE_ROOM = 2.0
+"""Ends are chosen so many times the body's reach from walls, or in the half with the most room."""
 _ROOM = 0.1  # Straight ways keep off walls and rims by so much more than the body needs, where they can [m]
 _LEVEL = 0.5  # ... and where slopes are this share of the largest side slope, or in the half with the least.
 _WALL_COST = 3.0  # Ground at the reach from walls costs this many times more per length than with ample room
 _NUM_ENDS = 4000  # Places of which start and goal are chosen at most, evenly spread
-_STOREY = 0.25  # A given z is that of ground no farther above or below than this [m]; half a storey is more
+STOREY = 0.25  # A given z is that of ground no farther above or below than this [m]; half a storey is more
 _LOOK_AHEAD = 0.3  # The start heads for the path this far ahead [m]
 _MAX_LENGTH = 10.0  # A route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s
 _SLOPE_COST = 3.0
 """Ground as steep as the body climbs costs this many times more per length than level ground; less slope costs less, by
 its square. Slippery ground that is steeper than tracks hold on it costs still more."""
-_SLIP_COST = (
-    6.0  # Likewise ground without friction, against the least slippery; what is between, in proportion
-)
+_SLIP_COST = 6.0
+"""Likewise ground without friction, against the least slippery; what is between, in proportion."""
 _NUM_DIRECTIONS = 36  # Ways through a place are tried in as many directions, 5 degrees apart
 _NUM_ANCHORS = 32  # Places through which straight ways are tried
 
@@ -115,7 +113,7 @@ def _find_drivable(ground: TraversabilityMap, what: str, place: Place, name: str
     flat = np.abs(offset[:, :2]).max(axis=1)
     is_near = flat <= ground.grid.cell / 2 * (1 + 1e-9)
     if len(point) == 3:
-        is_near &= np.abs(offset[:, 2]) <= _STOREY
+        is_near &= np.abs(offset[:, 2]) <= STOREY
     near = usable[is_near]
     keys = (np.linalg.norm(offset, axis=1),) if len(point) == 3 else (flat, ground.region[usable])
     if len(near):
@@ -218,7 +216,7 @@ def find_nearest_level(
     return ground.sorted_heights.find_nearest(ground.grid.compute_cells(places), heights)
 
 
-def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name: str, storey: float) -> int:
+def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name: str) -> int:
     """Return the number of the place on the ground at (x, y) or (x, y, z), drivable or not.
 
     Without z, of several storeys it is that in the largest region, else the highest.
@@ -229,7 +227,7 @@ def find_standing_place(ground: TraversabilityMap, what: str, place: Place, name
     offset = ground.positions[:, : len(point)] - point
     is_near = np.abs(offset[:, :2]).max(axis=1) <= ground.grid.cell
     if len(point) == 3:
-        is_near &= np.abs(offset[:, 2]) <= storey
+        is_near &= np.abs(offset[:, 2]) <= STOREY
     near = np.flatnonzero(is_near)
     if not len(near):
         possible = np.flatnonzero(ground.is_drivable | ~ground.is_drivable.any())

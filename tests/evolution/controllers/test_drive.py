@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from evolution._src.controllers.joints import compute_bearing, count_tracks, make_drive
+from evolution._src.controllers.joints import compute_bearing, make_drive
 from evolution._src.errors import RunError
+from symbrion_gym._src.environment.config import count_tracks
 from symbrion_gym._src.robot.organism import cross, letter_h, snake
 
 GOAL = {"goal_direction": slice(0, 2)}
@@ -69,7 +70,5 @@ def test_a_goal_that_is_not_observed_is_straight_ahead():
 
 def test_numbers_of_tracks():
     assert [count_tracks(control, 5) for control in ("constant", "body", "modules", "skid")] == [0, 1, 5, 10]
-    with pytest.raises(RunError, match="track_control"):
-        count_tracks("hover", 5)
     with pytest.raises(RunError, match="has 0, 1, 3 or 6"):
         make_drive(snake(3), 4, 1.5)

@@ -9,15 +9,9 @@ import symbrion_gym as sg
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.swarm.docks import MATING_TIME
-from symbrion_gym._src.swarm.dynamic.transfer import (
-    FOLDED,
-    compute_error,
-    compute_share,
-    has_mated,
-    read_motion,
-)
+from symbrion_gym._src.swarm.dynamic.transfer import compute_error, compute_share, has_mated, read_motion
 from symbrion_gym._src.swarm.dynamic.world import DynamicWorld, read_organism
-from symbrion_gym._src.swarm.world import FRONT, SwarmCommands
+from symbrion_gym._src.swarm.world import FOLDED, FRONT, SwarmCommands
 
 
 def make_world(poses) -> DynamicWorld:

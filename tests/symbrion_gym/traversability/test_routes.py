@@ -117,7 +117,7 @@ def test_the_longest_straight_way_of_a_hall_runs_between_its_corners():
 def test_straight_ways_end_at_walls(room):
     ground = room.traversability()
     is_usable = ground.region == 0
-    start = find_standing_place(ground, "start", (2.5, 0.5), "room", 0.25)
+    start = find_standing_place(ground, "start", (2.5, 0.5), "room")
     end = find_straight_way_from(ground, is_usable, start)
     assert end[0] < 2.8
     back, forth = find_straight_way(ground)

@@ -19,12 +19,8 @@ from symbrion_gym._src.errors import OptionError
 
 logger = logging.getLogger(__name__)
 
-_INPUTS = (
-    "qpos",
-    "qvel",
-    "qacc_warmstart",
-    "ctrl",
-)  # Fields that are written to the device; others are only read
+_INPUTS = ("qpos", "qvel", "qacc_warmstart", "ctrl")
+"""Fields that are written to the device; others are only read."""
 _ROWS_PER_CONTACT = 4  # Rows of constraints of a contact with pyramidal cones; elliptic ones need three
 _FLOAT_SIZE = 4  # Of a number on the device [bytes]
 _MIN_CONTACTS = 32  # Space for contacts of a world, however small the body

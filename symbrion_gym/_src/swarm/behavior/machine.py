@@ -44,9 +44,8 @@ from symbrion_gym._src.swarm.behavior.states import (
     find_tracks,
 )
 from symbrion_gym._src.swarm.senses import SwarmWorld
-from symbrion_gym._src.swarm.world import DECISION, FRONT, SwarmCommands
+from symbrion_gym._src.swarm.world import DECISION, FOLDED, FRONT, SwarmCommands
 
-FOLDED = np.pi / 2  # Angle of an arm that nothing is docked to [rad]
 ASKING = 0.3
 """Chance that a robot that waits asks in a decision: two that ask at once are not understood. One that was accepted
 goes on asking, as a sign that it comes."""

@@ -67,9 +67,8 @@ _AWAY = 10.0  # Rate of turning away [rad/s]: as fast as `TURN_SPEED` allows
 
 Next = Int[np.ndarray, " N"]  # The next mode of each robot, were it in the mode of the function
 Tracks = Float[np.ndarray, "N 2"]  # Speeds of the left and the right track of every robot [m/s]
-Point = tuple[
-    Float[np.ndarray, " N"], Float[np.ndarray, " N"]
-]  # Ahead and left, in the frames of the robots [m]
+Point = tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]
+"""Ahead and left, in the frames of the robots [m]."""
 Values = Float[np.ndarray, " N"] | float
 
 

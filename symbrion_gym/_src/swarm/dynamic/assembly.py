@@ -97,9 +97,7 @@ class Assembly:
     sites: Int[np.ndarray, " N"]  # ids of the sites that mark the modules' centers
     bodies: Int[np.ndarray, "N 2"]  # ids of the bodies that carry chassis and arm
     docks: Int[np.ndarray, "N 4"]  # ids of the sites of the docks, in the order of `SIDES`
-    hinge_qpos: Int[
-        np.ndarray, " N"
-    ]  # addresses of the hinges in qpos; -1 where the arm is folded up for good
+    hinge_qpos: Int[np.ndarray, " N"]  # addresses of the hinges in qpos; -1 where the arm stays folded up
     hinge_dof: Int[np.ndarray, " N"]  # their addresses in qvel
     hinge_servo: Int[np.ndarray, " N"]  # ids of their actuators
     track_geoms: Int[np.ndarray, "N T"]  # ids of the geoms that drive, left before right

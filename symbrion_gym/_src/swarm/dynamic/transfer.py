@@ -18,8 +18,8 @@ from symbrion_gym._src.robot.scout import make_scout
 from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.docks import MATING_TIME, SCOUT
 from symbrion_gym._src.swarm.dynamic.assembly import Assembly, Tree
+from symbrion_gym._src.swarm.world import FOLDED
 
-FOLDED = np.pi / 2  # Angle of the hinge of an arm that is folded up [rad]
 EXACT = 4e-5  # Docks this near to their exact pose have mated [m]
 EXACT_ANGLE = 6e-4
 """Likewise [rad], a little more than hinges leave that hold against a weld: over the length of eight modules this is

@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.environment.laying import LIFT
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.swarm.docks import MATING_TIME, change_links, sort_links
 from symbrion_gym._src.swarm.dynamic.assembly import Assembler, Assembly, Layout, Tree, find_layout
 from symbrion_gym._src.swarm.dynamic.transfer import (
-    FOLDED,
     Mating,
     Motion,
     compute_error,
@@ -28,11 +28,9 @@ from symbrion_gym._src.swarm.dynamic.transfer import (
 )
 from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.senses import Sight
-from symbrion_gym._src.swarm.world import DECISION, FRONT, SwarmCommands, SwarmState, find_docked
+from symbrion_gym._src.swarm.world import DECISION, FOLDED, FRONT, SwarmCommands, SwarmState, find_docked
 
 TICK = 0.02  # Time between two changes of the servos' targets, as of organisms [s]
-LIFT = 0.002
-"""Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
 _STEPS = 4  # Physics steps in a tick
 _AT_REST = 0.02  # An arm that turns more slowly than this is folded for good [rad/s]
 _LARGEST_JUMP = 5e-5  # What a change of the model may move a robot at most [m]
@@ -48,9 +46,7 @@ class DynamicWorld:
     where such a dock is told to latch, its arm does as it is told.
     """
 
-    assembly: (
-        Assembly  # the compiled model and where the robots are in it; a new one whenever the layout changes
-    )
+    assembly: Assembly  # the compiled model and where the robots are in it; a new one for each layout
     data: mujoco.MjData  # its state, likewise
 
     def __init__(self, arena: Arena, num_robots: int) -> None:
