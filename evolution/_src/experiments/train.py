@@ -176,7 +176,9 @@ def train(
 
 
 def _check_inside(site: Site, **ends: Place | None) -> None:
-    """Refuse a start or goal beside what was scanned."""
+    """Refuse a start or goal beside what was scanned, or a goal at the start."""
+    if ends["start"] is not None and ends["start"] == ends["goal"]:
+        raise RunError(f"start and goal are the same place {ends['start']}; move one of them")
     if isinstance(site, sg.Arena):
         places = np.asarray(site.surface.bounds)
     else:
@@ -199,7 +201,6 @@ def _claim(folder: Path, options: dict[str, Any]) -> None:
         if (folder / RUN).exists():
             raise
         with lock_folder(folder):
-            (folder / HALVES[0] / ABOUT).unlink(missing_ok=True)
             write_json(folder / MARKER, options)
 
 
@@ -318,7 +319,8 @@ def make_models(
     that the other, or the mesh, does not confirm are `unseen`.
     """
     folders = [folder / name for name in HALVES]
-    if not (folders[0] / ABOUT).is_file():  # which is written last
+    of = f"{_digest(site)} {seed} {ends}"
+    if not (folders[1] / ABOUT).is_file() or sg.Arena.load(folders[1]).provenance.get("models_of") != of:
         if isinstance(site, sg.Arena):
             is_bad = site.verdict.answer == "no"
             again = site if is_bad else _model_again(site, seed + 1, progress, ends)
@@ -330,7 +332,8 @@ def make_models(
                 for k, half in enumerate(halves)
             ]
             made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
-        for arena, each in reversed(list(zip(made, folders, strict=True))):
+        made[1] = replace(made[1], provenance={**made[1].provenance, "models_of": of})
+        for arena, each in zip(made, folders, strict=True):  # that which is asked for is the last
             arena.save(each)
     return [sg.Arena.load(each) for each in folders]  # as files keep them: a resumed training reads the same
 
@@ -408,8 +411,8 @@ def _find_crossing(
         except sg.ArenaError as no_way:
             try:
                 gap = find_gap(arenas[0], row, ahead / np.linalg.norm(ahead), np.array(start, float))
-            except (sg.TaskError, sg.ArenaError) as no_gap:
-                raise RunError(f"{no_way}; nor is there a gap to be crossed: {no_gap}") from no_way
+            except (sg.TaskError, sg.ArenaError):
+                raise RunError(f"{no_way}; nor is there a gap to be crossed") from None
         modules = np.ceil(_REACH * (gap.far - gap.near) / row.scout.pitch) + 1
         return sg.snake(int(np.clip(modules, *_MODULES)))
     if body is None or body.num_modules == 1 or start is not None or goal is not None:

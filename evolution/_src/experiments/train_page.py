@@ -59,11 +59,10 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, seed: i
     if len(named) > 1:  # what leads over a gap is no ground that a body can drive on
         layers, ground = ("surface", "drivable", "route"), arena.traversability(organism)
         shown = f"ground that the body can drive on, and {shown}"
-    figure = draw_arena(arena, layers, ground, route, organism, has_plan=True)
-    page.add_figure(
-        to_png(figure, is_reduced=False),
-        f"The model of training from two sides and from above: {shown} ({where}).",
-    )
+    for view, name in (("plan", "from above"), ("sides", "from two sides")):
+        figure = draw_arena(arena, layers, ground, route, organism, views=(view,))
+        caption = f"The model of training {name}: {shown} ({where})."
+        page.add_figure(to_png(figure, is_reduced=False), caption)
     if film.frames:
         page.add_video(
             encode_video(film.frames, film.fps),

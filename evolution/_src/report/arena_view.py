@@ -77,6 +77,7 @@ def add_scale(axes: Axes, view: View) -> None:
 
 LAYERS = ("surface", "contact", "drivable", "route")  # What can be drawn
 FROM_ABOVE = (90.0, -90.0)  # Of the camera of the plan: x to the right, y up
+_MARGIN = 100  # Beside a plan, for its coordinates [pixel]
 PLAN_SHARE = 0.7  # Width of the plan, relative to that of both pictures side by side
 FONT = 13  # Size of text [point]: pages show the picture at about two thirds of its size
 WIDTH = 760  # Width of each picture [pixel]
@@ -107,10 +108,10 @@ def draw_arena(
     ground: TraversabilityMap | None = None,
     route: DrivingRoute | None = None,
     robot: Organism | None = None,
-    has_plan: bool = False,
+    views: Sequence[str] = ("sides",),
     way: Pair | None = None,
 ) -> Figure:
-    """Draw an arena from two sides; what is seen from behind, like a ceiling from above, is left out.
+    """Draw an arena from two "sides", and as a "plan"; what is seen from behind, like a ceiling, is left out.
 
     What trails far off the scene is outside the picture (`find_frame`).
     """
@@ -119,18 +120,18 @@ def draw_arena(
     boxes = []
     if robot is not None and route is not None:
         boxes = [trimesh.creation.box(robot.scout.size, pose) for pose in place_modules(robot, route)]
+    has_plan = "plan" in views
     frame = find_frame(arena, route, way if has_plan else None)
-    views = [make_view(frame, *direction, OVERSAMPLING * WIDTH) for direction in DIRECTIONS]
-    if has_plan:
-        views.append(make_view(frame, *FROM_ABOVE, OVERSAMPLING * round(PLAN_SHARE * 2 * WIDTH)))
-    figure, places = _make_figure(views)
+    sides = [make_view(frame, *each, OVERSAMPLING * WIDTH) for each in DIRECTIONS if "sides" in views]
+    plans = [make_view(frame, *FROM_ABOVE, OVERSAMPLING * round(PLAN_SHARE * 2 * WIDTH))] if has_plan else []
+    figure, places = _make_figure(sides, plans)
     contact = (
         format_count(arena.quality.num_pieces, "contact piece")
         if arena.height_field is None
         else "a height field"
     )
     figure.suptitle(f"{arena.name}: {contact}", fontsize=FONT)
-    for axes, view in zip(places, views, strict=True):
+    for axes, view in zip(places, sides + plans, strict=True):
         pixels = rasterize(np.asarray(arena.surface.triangles), view)
         picture = _draw_surface(arena, layers, pixels, view)
         contact = rasterize(front, view)
@@ -145,7 +146,7 @@ def draw_arena(
         if route is not None:
             _add_route(axes, view, pixels, route)
     if has_plan and way is not None:
-        begin, end = views[-1].project(np.column_stack([np.array(way), np.zeros(2)]))[:, :2] / OVERSAMPLING
+        begin, end = plans[0].project(np.column_stack([np.array(way), np.zeros(2)]))[:, :2] / OVERSAMPLING
         look = {**WAY_LOOK, "arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0}
         places[-1].annotate("", end, begin, arrowprops=look)
     handles = _make_legend(layers, ground, route)
@@ -160,17 +161,17 @@ def draw_arena(
     return figure
 
 
-def _make_figure(views: Sequence[View]) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a place for each view: two side by side, and a third one, from above, below them."""
-    heights = [view.height / OVERSAMPLING / DPI for view in views]
-    rows = [max(heights[:2]), *heights[2:]]
-    figure = Figure(figsize=(2 * WIDTH / DPI, sum(rows) + 0.8 * len(rows)), dpi=DPI, layout="constrained")
+def _make_figure(sides: Sequence[View], plans: Sequence[View]) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a place for each view: two sides beside each other, and plans below them."""
+    rows = [max(view.height for view in row) / OVERSAMPLING / DPI for row in (sides, plans) if row]
+    width = 2 * WIDTH if sides else PLAN_SHARE * 2 * WIDTH + _MARGIN
+    figure = Figure(figsize=(width / DPI, sum(rows) + 0.8 * len(rows)), dpi=DPI, layout="constrained")
     grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
-    places = [figure.add_subplot(grid[0, column]) for column in (0, 1)]
+    places = [figure.add_subplot(grid[0, column]) for column in range(len(sides))]
     for axes in places:
         axes.set_axis_off()
-    for view in views[2:]:
-        places.append(figure.add_subplot(grid[1, :]))
+    for view in plans:
+        places.append(figure.add_subplot(grid[-1, :]))
         add_scale(places[-1], view)
     return figure, places
 

@@ -23,6 +23,8 @@ _BELOW = np.array([0.0, 0.0, -0.04])  # It looks so far below the middle
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
 _LEAST_SIZE = 1.5  # Of what is seen around a focus: half of its extent, but not less [m]
+_CLICKED, _MOST_CLICKED = 0.15, 10_000
+"""Longest edge of a face that is clicked on [m]; longer for surfaces of more than so many squares of it."""
 SNAPSHOTS = 9  # Times at which a body is shown on its path
 PATH_STEP = 5  # Every fifth position of the head becomes a point of its path
 
@@ -57,6 +59,8 @@ class Scene:
         """Add a mesh with its edges, or in its own colors without them."""
         traces = [_make_mesh_trace(mesh, color)]
         if find_vertex_colors(mesh) is None:
+            if self.command:
+                traces = [_make_mesh_trace(_subdivide(mesh), color)]
             lines, look = _join(mesh.vertices[mesh.edges_unique]), {"color": EDGE_COLOR, "width": 1}
             traces.append({"type": "scatter3d", **_to_xyz(lines), "mode": "lines", "line": look})
         self._add(name, traces, is_shown)
@@ -146,6 +150,14 @@ def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
     light |= {"specular": 0.0, "fresnel": 0.0}
     look |= {"lighting": light, "lightposition": {"x": -1e5, "y": -4e4, "z": 1e5}}
     return {"type": "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), "i": i, "j": j, "k": k, **look}
+
+
+def _subdivide(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return a mesh of small faces: a click on one tells its middle."""
+    longest = max(_CLICKED, float(np.sqrt(mesh.area / _MOST_CLICKED)))
+    return trimesh.Trimesh(
+        *trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, 30), process=False
+    )
 
 
 def _name(values: Float[np.ndarray, " 3"]) -> dict[str, float]:

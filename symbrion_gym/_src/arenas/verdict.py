@@ -86,8 +86,7 @@ def find_verdict(
         ground: where a Scout can drive; None where there is no ground.
         is_upright: whether the user said which axis points up.
     """
-    figures = [
-        *_judge_up(surface, is_upright),
+    figures = list(_judge_up(surface, is_upright)) or [  # where that is wrong, the rest says nothing
         *_judge_ground(seen, contact, ground),
         *_judge_contact(quality),
         *_judge_unseen(surface, seen),
@@ -113,7 +112,7 @@ def _judge_up(surface: trimesh.Trimesh, is_upright: bool) -> Iterator[Reason]:
         "" if surface.is_watertight else find_side_doubt(areas, middles)
     )
     if doubt:
-        remedy = "give the axis that points up by --up, or where the scanner stood by --viewpoint"
+        remedy = "give the axis that points up by --up, or where the scanner stood by --viewpoint; turn a tilted scan"
         yield Reason("up_axis", 1.0, "no", doubt, remedy)
 
 
@@ -126,7 +125,8 @@ def _judge_ground(
     yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, "symbrion view shows it; scan more ground")
     if ground is not None and ground.grid.cell > ROBOT:
         meaning = f"its map has cells of {format_distance(ground.grid.cell)}, wider than the robot"
-        yield Reason("cell", ground.grid.cell, "no", meaning, "--crop a part, or symbrion reconstruct --tile")
+        remedy = "--unit if it is not in meters, --crop a part, or symbrion reconstruct --tile"
+        yield Reason("cell", ground.grid.cell, "no", meaning, remedy)
     level = _select_level(seen)
     if not len(level.faces):
         return

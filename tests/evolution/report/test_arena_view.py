@@ -66,7 +66,13 @@ def test_the_plan_has_coordinates_a_robot_and_a_way(truth: sg.Arena) -> None:
     route = truth.find_route()
     figures = [
         draw_arena(
-            truth, ("surface", "route"), None, route, robot, has_plan=True, way=((-2.0, 0.0), (-1.0, 0.2))
+            truth,
+            ("surface", "route"),
+            None,
+            route,
+            robot,
+            views=("sides", "plan"),
+            way=((-2.0, 0.0), (-1.0, 0.2)),
         )
         for robot in (None, sg.snake(4))
     ]

@@ -105,7 +105,7 @@ class View(SeededCommand):
         from evolution._src.report.figures import to_png
 
         with console.track(f"Picture {self.picture.name}"):
-            figure = draw_arena(arena, self.layers, places, route, body, has_plan=True, way=way)
+            figure = draw_arena(arena, self.layers, places, route, body, views=("sides", "plan"), way=way)
             write_file(self.picture, to_png(figure, is_reduced=False))
         console.print_line(f"{self.picture}")
         return summary | {"picture": self.picture}
