@@ -10,13 +10,13 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
-    any_corner,
+    any_rows,
     compute_lengths,
     sum_by_owner,
     sum_rows,
 )
 
-FOLD_COSINE = 0.5
+_FOLD_COSINE = 0.5
 """Cosine of the angle that two faces at an edge enclose at least, 60 degrees: the sharpest wedge that a network of
 faces of one size can show; what is sharper doubles back."""
 _TIE_BREAK = 1e-3
@@ -77,6 +77,12 @@ def find_hinges(faces: Faces, sides: Sides) -> Hinges:
     return Hinges(slots // 3, slots % 3, tails[:, 0] != tails[:, 1])
 
 
+def label_parts(pairs: Int[np.ndarray, "P 2"], count: int) -> Int[np.ndarray, " {count}"]:
+    """Return the part of each of `count` things, of which pairs are joined; parts count from 0 by their first thing."""
+    graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
 def compute_normals(vertices: Vertices, faces: Faces) -> Float64[np.ndarray, "F 3"]:
     """Return the faces' unit normals, zero for faces without area."""
     import igl
@@ -113,13 +119,9 @@ def find_excess(sides: Sides, quality: Num[np.ndarray, " F"]) -> Int[np.ndarray,
 
 
 def find_folds(
-    vertices: Vertices,
-    faces: Faces,
-    hinges: Hinges,
-    quality: Num[np.ndarray, " F"],
-    fold_cosine: float = FOLD_COSINE,
+    vertices: Vertices, faces: Faces, hinges: Hinges, quality: Num[np.ndarray, " F"]
 ) -> Int[np.ndarray, " D"]:
-    """Return the worse face of every two that double back: the angle between them is below acos(`fold_cosine`)."""
+    """Return the worse face of every two that double back: the angle between them is below 60 degrees."""
     left, right = faces[hinges.faces[:, 0]], hinges.sides[:, 0]
     row = np.arange(len(left))
     tail, head = vertices[left[row, right]], vertices[left[row, (right + 1) % 3]]
@@ -129,7 +131,7 @@ def find_folds(
     first, second = (apex - (apex * along).sum(axis=1, keepdims=True) * along for apex in apexes)
     cosine = sum_rows(first * second)
     cosine /= np.maximum(compute_lengths(first) * compute_lengths(second), _SHORTEST)
-    return _pick_worse(hinges.faces[cosine > fold_cosine], quality)
+    return _pick_worse(hinges.faces[cosine > _FOLD_COSINE], quality)
 
 
 def find_minor_fans(
@@ -209,7 +211,7 @@ def widen(faces: Faces, is_marked: Bool[np.ndarray, " V"], rings: int) -> Bool[n
     """Return the marked vertices and `rings` rings of neighbors."""
     is_marked = is_marked.copy()
     for _ in range(rings):
-        is_marked[faces[any_corner(is_marked, faces)]] = True
+        is_marked[faces[any_rows(is_marked[faces])]] = True
     return is_marked
 
 
@@ -286,9 +288,7 @@ def _pick_worse(pairs: Int[np.ndarray, "P 2"], quality: Num[np.ndarray, " F"]) -
     return np.unique(np.where(is_first, pairs[:, 0], pairs[:, 1]))
 
 
-def make_manifold(
-    vertices: Vertices, faces: Faces, quality: Num[np.ndarray, " F"], fold_cosine: float = FOLD_COSINE
-) -> Int[np.ndarray, "M 3"]:
+def make_manifold(vertices: Vertices, faces: Faces, quality: Num[np.ndarray, " F"]) -> Int[np.ndarray, "M 3"]:
     """Drop as few faces as needed: at most two an edge, no folds, orientable, one fan a vertex."""
     while len(faces):
         sides = group_sides(faces, len(vertices))
@@ -297,7 +297,7 @@ def make_manifold(
             hinges = find_hinges(faces, sides)
             is_suspect = find_suspects(faces, sides, len(vertices))
             dropped = np.union1d(
-                find_folds(vertices, faces, hinges, quality, fold_cosine),
+                find_folds(vertices, faces, hinges, quality),
                 find_minor_fans(faces, hinges, quality, is_suspect),
             )
             if len(dropped) == 0:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +21,6 @@ from reconstruction._src.geometry.orientation import (
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
-    all_corners,
     all_rows,
     compute_area_vectors,
     compute_areas,
@@ -47,8 +45,6 @@ _MIN_BEND_DEG = 10.0
 """... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat ground is part of it."""
 _TOLD = 0.9  # Share of the area of a part that is wound alike, less the rest: its winding tells its outside
 _ROUNDS = 20  # Slivers behind slivers are removed, too, in no more rounds than these
-
-_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -83,15 +79,13 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
         )
     if vertices.shape[1:] != (3,):
         raise ReconstructionError(f"vertices have three coordinates, not {vertices.shape[-1]}")
-    faces = faces[all_corners(all_rows(np.isfinite(vertices)), faces)]
+    faces = faces[all_rows(all_rows(np.isfinite(vertices))[faces])]
     _refuse_odd_sizes(vertices[faces.ravel()])
     vertices, faces = merge_vertices(vertices, faces)
     faces = drop_flat_faces(vertices, faces)
     faces = _drop_small_parts(vertices, faces, config.min_part)
     if config.drops_slivers:
-        count = len(faces)
         faces = drop_rim_slivers(vertices, faces)
-        _logger.info("dropped %d slivers at the rim", count - len(faces))
     if len(faces) > config.max_faces:
         vertices, faces = simplify(vertices, faces, config.max_faces)
     wound = faces if config.keeps_winding else make_winding(vertices, faces)
@@ -178,10 +172,7 @@ def _refuse_odd_sizes(points: Float[np.ndarray, "N 3"]) -> None:
 def _drop_small_parts(vertices: Vertices, faces: Faces, min_part: float) -> Int[np.ndarray, "G 3"]:
     part, areas = compute_components(faces, len(vertices)), compute_areas(vertices, faces)
     shares = np.bincount(part, areas) / areas.sum()
-    is_kept = ((shares >= min_part) | (shares == shares.max()))[part]
-    if not is_kept.all():
-        _logger.info("dropped %d faces in small loose parts", int((~is_kept).sum()))
-    return faces[is_kept]
+    return faces[((shares >= min_part) | (shares == shares.max()))[part]]
 
 
 def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"]) -> Faces:

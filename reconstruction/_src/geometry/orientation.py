@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.manifold import find_ends, find_hinges, group_sides
+from reconstruction._src.geometry.manifold import find_ends, find_hinges, group_sides, label_parts
 from reconstruction._src.geometry.rows import (
     Faces,
     Points,
@@ -96,9 +96,8 @@ def split_fans(vertices: Vertices, faces: Faces) -> TurnedMesh:
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     linked, sides = hinges.faces[hinges.is_consistent], hinges.sides[hinges.is_consistent]
     starts, ends = 3 * linked + sides, 3 * linked + (sides + 1) % 3
-    rows, columns = np.append(starts[:, 0], ends[:, 0]), np.append(ends[:, 1], starts[:, 1])
-    corners = coo_array((np.ones(len(rows)), (rows, columns)), shape=(faces.size,) * 2)
-    fan = connected_components(corners, directed=False)[1]
+    pairs = np.concatenate([np.c_[starts[:, 0], ends[:, 1]], np.c_[ends[:, 0], starts[:, 1]]])
+    fan = label_parts(pairs, faces.size)
     _, member = np.unique(fan, return_index=True)
     owner = faces.ravel()[member]
     _, first = np.unique(owner, return_index=True)
@@ -315,8 +314,7 @@ def compute_components(faces: Faces, num_vertices: int) -> Int[np.ndarray, " F"]
     libigl's `facet_components` returns the same in five times the time.
     """
     pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num_vertices, num_vertices))
-    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    label = label_parts(pairs, num_vertices)[faces[:, 0]]
     _, first, part = np.unique(label, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))

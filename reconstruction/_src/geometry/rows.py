@@ -15,16 +15,6 @@ Vertices = Float[np.ndarray, "V 3"]  # Of a mesh [m]
 Faces = Int[np.ndarray, "F 3"]  # The three vertices of each
 
 
-def any_corner(is_selected: Bool[np.ndarray, " V"], faces: Int[np.ndarray, "F k"]) -> Bool[np.ndarray, " F"]:
-    """Return which faces have a selected corner."""
-    return _join(np.logical_or, is_selected[faces])
-
-
-def all_corners(is_selected: Bool[np.ndarray, " V"], faces: Int[np.ndarray, "F k"]) -> Bool[np.ndarray, " F"]:
-    """Return which faces have selected corners only."""
-    return _join(np.logical_and, is_selected[faces])
-
-
 def all_rows(rows: Bool[np.ndarray, "*rows k"]) -> Bool[np.ndarray, "*rows"]:
     """Return which rows of a few truth values are true throughout."""
     return _join(np.logical_and, rows)

@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Num, Shaped
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import (
     compute_normals,
     compute_vertex_normals,
     find_border_vertices,
+    label_parts,
     spread,
     widen,
 )
@@ -289,8 +288,7 @@ def number_parts(faces: Faces, is_marked: Marks) -> Int[np.ndarray, " V"]:
     """Return for every marked vertex the number of its connected part, for the others -1."""
     pairs = np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]])
     pairs = pairs[is_marked[pairs].all(axis=1)]
-    graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(len(is_marked),) * 2)
-    label = connected_components(graph, directed=False)[1]
+    label = label_parts(pairs, len(is_marked))
     number = np.full(len(is_marked), -1)
     number[is_marked] = np.unique(label[is_marked], return_inverse=True)[1]
     return number

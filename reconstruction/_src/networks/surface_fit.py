@@ -65,7 +65,7 @@ def fit_once(
     samples: Samples,
     config: FitConfig,
     chunk: int,
-    is_movable: Bool[jax.Array, " V"] | None = None,
+    is_movable: Bool[jax.Array, " V"],
     spread: Callable[[Float[jax.Array, "V 10"]], Float[jax.Array, "V 10"]] | None = None,
 ) -> Positions:
     """Return the vertices after one step towards the samples."""
@@ -91,7 +91,7 @@ def fit_once(
     if spread is not None:
         moments = spread(moments)
     step = _solve_moments(moments, config.stiffness, config.step_limit)
-    return vertices + (step if is_movable is None else jnp.where(is_movable[:, None], step, 0.0))
+    return vertices + jnp.where(is_movable[:, None], step, 0.0)
 
 
 def _compute_residuals(
@@ -216,7 +216,7 @@ def fit_surface(
     weights: Num[np.ndarray, " N"] | None = None,
     is_movable: Bool[np.ndarray, " V"] | None = None,
 ) -> Vertices:
-    """Return vertices moved so that the faces lie on the samples (see `least_squares`).
+    """Return vertices moved so that the faces lie on the samples.
 
     Samples beyond the boundary pull it out. Outliers count little: the weight falls with the part of the residual along
     the face's normal (Cauchy), and vanishes beyond `FitConfig.reach`.
@@ -235,11 +235,13 @@ def fit_surface(
     scaled = pad_rows(np.asarray((vertices - center) / scale, dtype=np.float32), num_vertices)
     samples = pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples)
     winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
+    degree = (ring[..., 0] >= 0).sum(axis=1).astype(np.uint16)
+    order = np.argsort(degree[winners], kind="stable").astype(np.int32)
     moved = _fit(
         scaled,
         ring,
         pad_rows(is_movable, num_vertices, False),
-        Samples(samples, winners, pad_rows(weights, num_samples), sort_by_degree(ring, winners)),  # pyright: ignore[reportArgumentType]
+        Samples(samples, winners, pad_rows(weights, num_samples), order),  # pyright: ignore[reportArgumentType]
         np.int32(iterations),
         chunk=compute_chunk(num_samples),
     )
@@ -265,12 +267,6 @@ def make_ring(faces: Faces, num_vertices: int) -> Int[np.ndarray, "V D 2"]:
     ring = np.full((num_vertices, depth, 2), -1, dtype=np.int32)
     ring[owner[order], slot] = others[order]
     return ring
-
-
-def sort_by_degree(ring: Int[np.ndarray, "V D 2"], winners: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
-    """Return the order of samples in which the numbers of faces round their winners rise."""
-    degree = (ring[..., 0] >= 0).sum(axis=1).astype(np.uint16)
-    return np.argsort(degree[winners], kind="stable").astype(np.int32)
 
 
 @partial(jax.jit, static_argnames="chunk")

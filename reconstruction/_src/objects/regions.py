@@ -5,11 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.manifold import label_parts
 from reconstruction._src.geometry.rows import Points, compute_lengths, sum_by_owner
 from reconstruction._src.geometry.sampling import sample_surface
 from reconstruction._src.input_cloud import make_cloud
@@ -154,8 +153,7 @@ def find_regions(points: Float[np.ndarray, "C 3"], model: ObjectModel) -> list[R
         return []
     tree = cKDTree(points)
     pairs = tree.query_pairs(_GAP * SPACING, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs), bool), tuple(pairs.T)), shape=(len(points), len(points)))
-    part = connected_components(graph, directed=False)[1]
+    part = label_parts(pairs, len(points))
     order = np.argsort(part, kind="stable")
     regions: list[Region] = []
     for rows in np.split(order, np.cumsum(np.bincount(part))[:-1]):
@@ -190,7 +188,6 @@ def _may_hold(points: np.ndarray, region: Region, model: ObjectModel) -> bool:
 
 
 def _make_patches(points: Points) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P 3"]]:
-    """Return mean and normal of every flat patch."""
     _, patch, counts = np.unique(compute_cell_keys(points, _PATCH), return_inverse=True, return_counts=True)
     mean = sum_by_owner(patch, points, len(counts)) / counts[:, None]
     offset = points - mean[patch]

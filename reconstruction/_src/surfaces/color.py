@@ -34,7 +34,6 @@ class ColorSource:
     """Colored points, ready to be asked for the color of any place near them."""
 
     def __init__(self, cloud: Cloud) -> None:
-        """Sort the points."""
         if cloud.colors is None or not cloud.num_points:
             raise ReconstructionError("the cloud has no colored points; give colors [N, 3], 0 to 255")
         self._colors = cloud.colors.astype(np.float32)

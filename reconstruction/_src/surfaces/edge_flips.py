@@ -21,8 +21,8 @@ from reconstruction._src.geometry.manifold import (
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
-    all_corners,
-    any_corner,
+    all_rows,
+    any_rows,
     compute_lengths,
     cross_rows,
     sum_rows,
@@ -49,10 +49,10 @@ def flip_edges(vertices: Vertices, faces: Faces) -> Faces:
     faces = faces.copy()
     is_active = np.ones(len(vertices), dtype=bool)
     for _ in range(_MAX_ROUNDS):
-        is_open = any_corner(is_active, faces)
+        is_open = any_rows(is_active[faces])
         is_near = np.zeros(len(vertices), dtype=bool)
         is_near[faces[is_open]] = True
-        part = np.flatnonzero(any_corner(is_near, faces))
+        part = np.flatnonzero(any_rows(is_near[faces]))
         changed, flipped, corners = _flip_once(vertices, faces[part], is_open[part])
         if len(changed) == 0:
             break
@@ -69,7 +69,7 @@ def _flip_once(
     sides = group_sides(faces, len(vertices))
     hinges = find_hinges(faces, sides)
     normals = compute_normals(vertices, faces)
-    steep = np.flatnonzero(all_corners(is_open, hinges.faces))
+    steep = np.flatnonzero(all_rows(is_open[hinges.faces]))
     steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > _MIN_ANGLE]
     candidates = Hinges(*(column[steep] for column in hinges))
     across = np.full((len(faces), 3), -1)

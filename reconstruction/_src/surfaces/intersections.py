@@ -35,7 +35,7 @@ tested: so they intersect only where they meet elsewhere, too. Far above the rou
 _SHORTEST = 1e-300  # Taken for 0 where a logarithm is
 
 
-def find_folded_edges(vertices: Vertices, faces: Faces, angle: float = FOLD_ANGLE) -> Int[np.ndarray, "P 2"]:
+def find_folded_edges(vertices: Vertices, faces: Faces) -> Int[np.ndarray, "P 2"]:
     """Return the pairs of faces at the edges where the surface doubles back."""
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     return hinges.faces[measure_bends(vertices, faces, hinges) < np.cos(FOLD_ANGLE)]

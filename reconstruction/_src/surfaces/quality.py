@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int, Num
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from reconstruction._src.geometry.manifold import group_sides
+from reconstruction._src.geometry.manifold import group_sides, label_parts
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
@@ -184,8 +182,7 @@ def find_pinched(faces: Faces) -> Int[np.ndarray, " P"]:
 
 def _count_parts(edges: Int[np.ndarray, "E 2"], num_vertices: int) -> int:
     """Return the number of connected parts; a vertex without an edge is one."""
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(num_vertices, num_vertices))
-    return int(connected_components(graph, directed=False)[0])
+    return int(label_parts(edges, num_vertices).max(initial=-1)) + 1
 
 
 def _find_angles(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:

@@ -15,7 +15,7 @@ from reconstruction._src.geometry.manifold import (
 from reconstruction._src.geometry.rows import (
     Faces,
     Vertices,
-    any_corner,
+    any_rows,
     compute_area_vectors,
     compute_lengths,
     drop_unused,
@@ -71,21 +71,12 @@ def find_tangled(
     return is_tangled if is_tested is None else is_tangled & is_tested
 
 
-def unfold_faces(vertices: Vertices, faces: Faces, is_movable: Marks | None = None) -> Vertices:
-    """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
-
-    A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
-    vertices around them move, too.
-    """
-    return _unfold(vertices, faces, is_movable)[0]
-
-
 def untangle(vertices: Vertices, faces: Faces) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
     """Do what `unfold_faces` does; of faces that still lie across others, those across the most go.
 
     Vertices that are left without a face go with them.
     """
-    vertices, is_tangled = _unfold(vertices, faces)
+    vertices, is_tangled = unfold_faces(vertices, faces)
     if is_tangled.any():
         faces = make_manifold(vertices, faces, np.zeros(len(faces)))  # no fold is left
         while len(pairs := find_intersections(vertices, faces)):
@@ -95,14 +86,20 @@ def untangle(vertices: Vertices, faces: Faces) -> tuple[Float[np.ndarray, "W 3"]
     return vertices, faces
 
 
-def _unfold(vertices: Vertices, faces: Faces, is_movable: Marks | None = None) -> tuple[Vertices, Chosen]:
-    """Do what `unfold_faces` does; return the faces that are still tangled, too."""
-    is_tested = None if is_movable is None else any_corner(is_movable, faces)
+def unfold_faces(
+    vertices: Vertices, faces: Faces, is_movable: Marks | None = None
+) -> tuple[Vertices, Chosen]:
+    """Return the vertices with those of tangled faces moved between their neighbors, and the faces still tangled.
+
+    A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
+    vertices around them move, too.
+    """
+    is_tested = None if is_movable is None else any_rows(is_movable[faces])
     sides = group_sides(faces, len(vertices))
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge])
-    best = find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), is_tested)
+    best = find_tangled(vertices, faces, hinges, any_rows(is_turn[faces]), is_tested)
     if not best.any():
         return vertices, best
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
@@ -119,7 +116,7 @@ def _unfold(vertices: Vertices, faces: Faces, is_movable: Marks | None = None) -
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
             current = current.copy()
             current[moved] += _STEP * (around @ current / share - current[moved])
-            is_suspect = tangled | any_corner(is_moved, faces)
+            is_suspect = tangled | any_rows(is_moved[faces])
             tangled = find_tangled(current, faces, hinges, is_suspect, is_tested)
             left -= 1
             if tangled.sum() < best.sum():

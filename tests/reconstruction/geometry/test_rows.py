@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from reconstruction._src.geometry.rows import (
-    all_corners,
-    any_corner,
+    all_rows,
+    any_rows,
     compute_extent,
     compute_lengths,
     cross_rows,
@@ -27,12 +27,12 @@ def test_rows_are_numpys(shape: tuple[int, ...], dtype: type) -> None:
 
 
 @pytest.mark.parametrize("sides", [2, 3])
-def test_corners(sides: int) -> None:
+def test_rows_of_truth_values(sides: int) -> None:
     rng = np.random.default_rng(2)
     is_selected, faces = rng.random(50) < 0.4, rng.integers(0, 50, (200, sides))
-    np.testing.assert_array_equal(any_corner(is_selected, faces), is_selected[faces].any(axis=1))
-    np.testing.assert_array_equal(all_corners(is_selected, faces), is_selected[faces].all(axis=1))
-    assert len(any_corner(is_selected, faces[:0])) == 0
+    np.testing.assert_array_equal(any_rows(is_selected[faces]), is_selected[faces].any(axis=1))
+    np.testing.assert_array_equal(all_rows(is_selected[faces]), is_selected[faces].all(axis=1))
+    assert len(any_rows(is_selected[faces[:0]])) == 0
 
 
 def test_the_points_in_a_box() -> None:

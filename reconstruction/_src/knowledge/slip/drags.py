@@ -104,7 +104,6 @@ def find_friction(readings: SlipReadings, priors: SlipPriors | None = None) -> F
 
 
 def _select_drags(readings: SlipReadings) -> _Drags:
-    """Return the drags that count."""
     starts = np.r_[True, (np.diff(readings.commanded) != 0.0) | (np.diff(readings.runs) != 0)]
     parts = np.split(np.arange(len(readings)), np.flatnonzero(starts)[1:])
     rows = []

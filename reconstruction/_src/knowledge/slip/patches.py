@@ -33,9 +33,8 @@ class EstimatedPatch(NamedTuple):
 
     friction: float  # its friction
     half_width: float  # half-width of the 95 % interval
-    rectangles: Float[
-        np.ndarray, "R 4"
-    ]  # lowest x, y, highest x, y [m]; none for the largest patch: the rest
+    # lowest x, y, highest x, y [m]; none for the largest patch: the rest
+    rectangles: Float[np.ndarray, "R 4"]
     num_readings: int  # number of readings in it
 
 

@@ -126,33 +126,6 @@ class State(NamedTuple):
         return triangulate(self.units, self.has_face)
 
 
-def train(points: Points, config: GrowingGridConfig, seed: int = 0, progress: Progress = silent) -> State:
-    """Grow a grid of 2 x 2 units over the points."""
-    return _train(points, config, seed, progress, None)
-
-
-def train_again(
-    state: State,
-    is_free: Bool[np.ndarray, " V"],
-    points: Points,
-    config: GrowingGridConfig,
-    seed: int = 0,
-    progress: Progress = silent,
-) -> State:
-    """Train a grid on other points: the units that are not free stay where they are.
-
-    Where the sheet cannot reach all points so, and in paper mode, it is grown from 2 x 2 units again.
-    """
-    if config.mode == "batch":
-        start = _Start(state.units, is_free.reshape(state.units.shape[:2]))
-        again = _train(points, config, seed, progress, start)
-        reach = _REACH * float(np.median(compute_lengths(np.diff(state.units, axis=0))))
-        probes = points[:: max(1, len(points) // _PROBES)]
-        if (cKDTree(again.vertices).query(probes)[0] < reach).mean() > _REACHED:
-            return again
-    return train(points, config, seed, progress)
-
-
 class _Start(NamedTuple):
     """A grid that has learned already, and which of its units may move."""
 
@@ -160,10 +133,14 @@ class _Start(NamedTuple):
     is_movable: Bool[np.ndarray, "R C"]
 
 
-def _train(
-    points: Points, config: GrowingGridConfig, seed: int, progress: Progress, start: _Start | None
+def train(
+    points: Points,
+    config: GrowingGridConfig,
+    seed: int = 0,
+    progress: Progress = silent,
+    start: _Start | None = None,
 ) -> State:
-    """Do what `train` and `train_again` do."""
+    """Grow a grid of 2 x 2 units over the points, or go on from one that has learned already."""
     rng = np.random.default_rng(seed)
     center = points.mean(axis=0)
     scale = float(np.sqrt(sum_rows((points - center) ** 2).mean()))
@@ -186,6 +163,28 @@ def _train(
     if start is not None:
         units = np.where(start.is_movable[..., None], units, start.units)
     return State(units, has_face)
+
+
+def train_again(
+    state: State,
+    is_free: Bool[np.ndarray, " V"],
+    points: Points,
+    config: GrowingGridConfig,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> State:
+    """Train a grid on other points: the units that are not free stay where they are.
+
+    Where the sheet cannot reach all points so, and in paper mode, it is grown from 2 x 2 units again.
+    """
+    if config.mode == "batch":
+        start = _Start(state.units, is_free.reshape(state.units.shape[:2]))
+        again = train(points, config, seed, progress, start)
+        reach = _REACH * float(np.median(compute_lengths(np.diff(state.units, axis=0))))
+        probes = points[:: max(1, len(points) // _PROBES)]
+        if (cKDTree(again.vertices).query(probes)[0] < reach).mean() > _REACHED:
+            return again
+    return train(points, config, seed, progress)
 
 
 def _train_batch(
@@ -213,13 +212,12 @@ def _train_batch(
     progress("fit", 0.8)
     number = choose_num_samples(len(points), _FIT_SAMPLES_PER_UNIT * wanted)
     sigmas = choose_sigmas(number / wanted)
-    return fit_grid(sort(number), units, sigmas, _FINAL_FIT, wanted, is_movable)[0]
+    return fit_grid(sort(number), units, sigmas, _FINAL_FIT, wanted, is_movable)
 
 
 def _grow(
     points: Points, sort: Callable[[int], Tiles], config: GrowingGridConfig, progress: Progress
 ) -> Grid:
-    """Grow from 2 x 2 to the wanted number of units."""
     wanted = config.wanted_units
     first = sort(choose_num_samples(len(points), 1))
     units, counts = learn(first, start_grid(points), _START_SIGMA, iterations=1)

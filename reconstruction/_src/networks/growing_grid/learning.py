@@ -79,14 +79,14 @@ def fit_grid(
     config: FitConfig,
     goal: int,
     is_movable: Bool[np.ndarray, "R C"] | None = None,
-) -> tuple[Grid, Float[np.ndarray, "R C"]]:
+) -> Grid:
     """Fit the sheet to the samples, with the moments smoothed over the grid; then unfold it."""
     rows, columns = units.shape[:2]
     spacing = float(compute_lengths(np.diff(units, axis=1)).mean())
     spacing = (spacing + float(compute_lengths(np.diff(units, axis=0)).mean())) / 2
     padded, candidates, mask = _pad(units, tiles, goal, is_movable)
     ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), len(padded))
-    moved, counts = _fit(
+    moved = _fit(
         tiles.samples / np.float32(spacing),
         tiles.is_real,
         padded / np.float32(spacing),
@@ -99,7 +99,7 @@ def fit_grid(
         config=config,
         chunk=compute_chunk(tiles.order.size),
     )
-    return unfold(_as_grid(moved, units), is_movable) * spacing, _as_grid(counts, units)
+    return unfold(_as_grid(moved, units), is_movable) * spacing
 
 
 def _as_grid(values: Shaped[jax.Array, "capacity ..."], units: Grid) -> Shaped[np.ndarray, "R C ..."]:
@@ -209,7 +209,7 @@ def _fit(
     *,
     config: FitConfig,
     chunk: int,
-) -> tuple[Float[jax.Array, "U 3"], Float[jax.Array, " U"]]:
+) -> Float[jax.Array, "U 3"]:
     """Fit by least squares with moments smoothed over the grid; lengths in grid steps."""
     flat, weight = samples.reshape(-1, 3), is_real.reshape(-1).astype(jnp.float32)
 
@@ -222,6 +222,4 @@ def _fit(
 
         return fit_once(units, ring, found, config, chunk, is_movable, spread)
 
-    units = jax.lax.fori_loop(0, num_iterations, step, units)
-    winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
-    return units, jnp.zeros(len(units)).at[winners].add(weight)
+    return jax.lax.fori_loop(0, num_iterations, step, units)

@@ -40,12 +40,10 @@ def cell_normals(units: Grid) -> Float[np.ndarray, "R-1 C-1 3"]:
     return total / np.maximum(compute_lengths(total)[..., None], 1e-30)
 
 
-def unfold(
-    units: Grid, is_movable: Bool[np.ndarray, "R C"] | None = None, iterations: int = MAX_UNFOLDINGS
-) -> Grid:
+def unfold(units: Grid, is_movable: Bool[np.ndarray, "R C"] | None = None) -> Grid:
     """Move interior units whose cells turn over to the mean of their four neighbors, until none does."""
     units = units.copy()
-    for _ in range(iterations):
+    for _ in range(MAX_UNFOLDINGS):
         is_folded = find_folded(units)[1:-1, 1:-1]
         if is_movable is not None:
             is_folded &= is_movable[1:-1, 1:-1]
@@ -62,7 +60,7 @@ def untangle_sheet(
     """Return the units, moved where the triangles of the sheet are folded or intersect."""
     for _ in range(MAX_SPLITS):
         vertices, faces = units.reshape(-1, 3), triangulate(units, has_face)
-        moved = unfold_faces(vertices, faces, None if is_movable is None else is_movable.reshape(-1))
+        moved, _ = unfold_faces(vertices, faces, None if is_movable is None else is_movable.reshape(-1))
         if moved is vertices:
             break
         units = moved.reshape(units.shape)

@@ -134,7 +134,6 @@ def _tally(
     units: Float[jax.Array, "U 3"],
     candidates: Int[jax.Array, "T C"],
 ) -> tuple[jax.Array, ...]:
-    """Return the fields of a `Tally`."""
     capacity = len(units)
     winners, squared = search_tiles(samples, units, candidates, 2)
     first, second = winners[..., 0].ravel(), winners[..., 1].ravel()

@@ -14,21 +14,19 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.manifold import widen
+from reconstruction._src.geometry.manifold import label_parts, widen
 from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, sum_rows
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
 from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
 from reconstruction._src.networks.gsrm.support import Units, make_support
 from reconstruction._src.networks.gsrm.topology import learn_faces
-from reconstruction._src.networks.som.density import Density, measure_density
+from reconstruction._src.networks.som.density import Density, find_spread, measure_density
 from reconstruction._src.networks.som.winners import Tiles, make_tiles, search_all
-from reconstruction._src.networks.surface_fit import fit_surface
+from reconstruction._src.networks.surface_fit import fit_surface, mean_edge_length
 from reconstruction._src.surfaces.edge_flips import flip_edges
 from reconstruction._src.surfaces.unfolding import untangle
 
@@ -281,8 +279,7 @@ def find_uncovered(samples: Points, vertices: Vertices, faces: Faces) -> Bool[np
 
     vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
     squared = np.asarray(igl.point_mesh_squared_distance(samples.astype(np.float64), vertices, faces)[0])
-    corners = vertices[faces]
-    edge = compute_lengths(corners - np.roll(corners, 1, axis=1)).mean()
+    edge = mean_edge_length(vertices, faces)
     far = np.flatnonzero(squared > (_EDGE_SHARE * edge) ** 2)
     is_uncovered = np.zeros(len(samples), dtype=bool)
     num_neighbors = min(_SPACING_NEIGHBORS, len(samples) - 1)
@@ -291,7 +288,7 @@ def find_uncovered(samples: Points, vertices: Vertices, faces: Faces) -> Bool[np
     distances, neighbors = cKDTree(samples).query(samples[far], k=num_neighbors + 1)
     spacing = distances[:, -1] * np.sqrt(np.pi / num_neighbors)
     is_far = squared[far] > (_COMPLETION_GAP * spacing) ** 2
-    is_flat = _compute_flatness(samples[neighbors[is_far]]) < _FLATNESS
+    is_flat = find_spread(samples[neighbors[is_far]])[:, 2] < _FLATNESS
     far = far[is_far]
     is_uncovered[far] = _find_groups(samples[far], spacing[is_far], is_flat)
     return is_uncovered
@@ -306,19 +303,10 @@ def _find_groups(
     distances, others = cKDTree(samples).query(samples, k=_MIN_SAMPLES)
     is_near = distances <= _LINK * spacing[:, None]
     first = np.broadcast_to(np.arange(len(samples))[:, None], others.shape)[is_near]
-    graph = coo_array((np.ones(len(first)), (first, others[is_near])), shape=(len(samples), len(samples)))
-    group = connected_components(graph, directed=False)[1]
+    group = label_parts(np.stack([first, others[is_near]], axis=1), len(samples))
     size = np.bincount(group)
     is_surface = np.bincount(group, is_flat) >= _FLAT_SHARE * size
     for number in np.flatnonzero((size >= _MIN_SAMPLES) & ~is_surface):
         # Where noise exceeds the spacing, only the whole group shows that it is flat.
-        is_surface[number] = _compute_flatness(samples[None, group == number])[0] < _FLATNESS
+        is_surface[number] = find_spread(samples[None, group == number])[0, 2] < _FLATNESS
     return (is_surface & (size >= _MIN_SAMPLES))[group]
-
-
-@np.errstate(divide="ignore", invalid="ignore")
-def _compute_flatness(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, " M"]:
-    """Return the least variance of neighborhoods over their largest; nan where all points are at one place."""
-    offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
-    variance = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)
-    return variance[:, 0] / variance[:, 2]

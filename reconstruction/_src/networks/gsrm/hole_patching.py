@@ -124,7 +124,6 @@ def _find_obstacles(faces: Faces, loops: list[list[int]]) -> Int[np.ndarray, " D
 
 
 def _find_neighbors(faces: Faces, wanted: set[int]) -> dict[int, set[int]]:
-    """Return the neighbors of the wanted vertices."""
     near = faces[np.isin(faces, np.array(sorted(wanted))).any(axis=1)]
     neighbors: dict[int, set[int]] = {vertex: set() for vertex in wanted}
     for face in near.tolist():

@@ -37,7 +37,6 @@ class PaperMesh:
     """
 
     def __init__(self) -> None:
-        """Create a graph without units."""
         self.neighbors: list[dict[int, int]] = []
         self.apexes: dict[tuple[int, int], list[int]] = {}
         self.first_end: dict[tuple[int, int], int] = {}
@@ -298,7 +297,6 @@ class PaperMap:
     """
 
     def __init__(self, start: Float[np.ndarray, "S 3"], capacity: int, rates: Rates) -> None:
-        """Start with a few units without edges."""
         self.rates = rates
         self.mesh = PaperMesh()
         self.positions = np.full((capacity, 3), _FAR)

@@ -37,7 +37,6 @@ class Support:
     """
 
     def __init__(self, tree: cKDTree, spacings: Float[np.ndarray, " N"], is_uneven: bool = False) -> None:
-        """Keep the samples."""
         self._tree = tree
         self._spacings = np.maximum(spacings, np.finfo(float).tiny ** 0.25)  # samples may coincide
         self.is_uneven = is_uneven

@@ -155,7 +155,7 @@ def _find_off(samples: Points) -> Bool[np.ndarray, " N"]:
     is_off = reach > _LONELINESS * np.median(reach[neighbors[:, : near + 1]], axis=1)
     is_far = np.flatnonzero(reach > _SPARSE_RATIO * np.percentile(reach, 90))
     if len(is_far):
-        is_off[is_far] |= _find_spread(samples[neighbors[is_far]])[:, 2] > _VOLUME_VARIANCE
+        is_off[is_far] |= find_spread(samples[neighbors[is_far]])[:, 2] > _VOLUME_VARIANCE
     spacing = np.median(distances[:, -1][others], axis=1) * np.sqrt(np.pi / _PLANE_NEIGHBORS)
     lateral = compute_lengths(samples - samples[others].mean(axis=1))
     # Only what is not in the middle of its neighbors can stand off their plane.
@@ -173,11 +173,11 @@ def _find_off(samples: Points) -> Bool[np.ndarray, " N"]:
 
 def _is_line(neighborhoods: Float[np.ndarray, "M K 3"]) -> Bool[np.ndarray, " M"]:
     """Return which neighborhoods are one scan line."""
-    return _find_spread(neighborhoods)[:, 1] < _LINE_VARIANCE
+    return find_spread(neighborhoods)[:, 1] < _LINE_VARIANCE
 
 
 @np.errstate(divide="ignore", invalid="ignore")
-def _find_spread(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, "M 3"]:
+def find_spread(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, "M 3"]:
     """Return the variances of neighborhoods along their axes, largest first and relative to it; nan at one place."""
     offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
     variances = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)[:, ::-1]

@@ -43,9 +43,8 @@ _FEWEST = 30  # ... each of so many triangles at least
 class Primitives(NamedTuple):
     """The primitives of a surface."""
 
-    shapes: list[
-        Primitive
-    ]  # boxes, spheres and cylinders first, then rectangles of planes, the largest first
+    # boxes, spheres and cylinders first, then rectangles of planes, the largest first
+    shapes: list[Primitive]
     tolerance: float  # how far what they replace may be off them [m]
 
     def find_rest(self, mesh: trimesh.Trimesh) -> list[Corners]:
@@ -119,7 +118,6 @@ def find_primitives(mesh: trimesh.Trimesh, seed: int = 0) -> Primitives:
 
 
 def _close(found: FoundShape, corners: Corners) -> Primitive:
-    """Return the sphere, or the cylinder between the ends of its faces."""
     center, axis, radius = found.shape.point[0], found.shape.axis[0], float(found.shape.radius[0])
     if found.shape.kind == "sphere":
         return Primitive("sphere", center, np.eye(3), np.array([radius, 0.0, 0.0]))

@@ -21,9 +21,8 @@ class Primitive(NamedTuple):
     kind: str  # "plane" (a rectangle, the front of a thin box), "box", "sphere" or "cylinder"
     center: Float[np.ndarray, " 3"]  # of the box, sphere or cylinder [m]
     axes: Float[np.ndarray, "3 3"]  # in columns; z is the normal of a plane's front, the axis of a cylinder
-    half_sizes: Float[
-        np.ndarray, " 3"
-    ]  # of boxes; of spheres radius, 0, 0; of cylinders radius, half length, 0
+    # [m] of boxes; of spheres radius, 0, 0; of cylinders radius, half length, 0
+    half_sizes: Float[np.ndarray, " 3"]
 
     @property
     def is_solid(self) -> bool:

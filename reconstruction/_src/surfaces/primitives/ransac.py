@@ -13,8 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import least_squares
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import (
@@ -22,6 +20,7 @@ from reconstruction._src.geometry.manifold import (
     compute_vertex_normals,
     find_hinges,
     group_sides,
+    label_parts,
 )
 from reconstruction._src.geometry.rows import (
     Faces,
@@ -66,9 +65,8 @@ class Shapes(NamedTuple):
     point: Float[np.ndarray, "C 3"]  # a point of the plane, the center, a point of the axis [m]
     axis: Float[np.ndarray, "C 3"]  # unit normal of the plane, axis of the cylinder; unused by spheres
     radius: Float[np.ndarray, " C"]  # of sphere or cylinder [m]; unused by planes
-    side: Float[
-        np.ndarray, " C"
-    ]  # 1: the surface looks away from center or axis, -1: towards it; 1 for planes
+    # 1: the surface looks away from center or axis, -1: towards it; 1 for planes
+    side: Float[np.ndarray, " C"]
 
     def measure(self, points: Points) -> tuple[Float[np.ndarray, "C N"], Float[np.ndarray, "C N 3"]]:
         """Return the signed distance of points in front of each shape [m], and the shape's normals there."""
@@ -252,8 +250,7 @@ def _find_connected(
     number[left] = np.arange(len(left))
     pairs = number[surface.pairs]
     pairs = pairs[(pairs >= 0).all(axis=1)]
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(left), len(left)))
-    labels = connected_components(graph, directed=False)[1]
+    labels = label_parts(pairs, len(left))
     return left[labels == np.argmax(np.bincount(labels, weights=surface.areas[left]))]
 
 
