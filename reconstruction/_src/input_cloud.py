@@ -21,24 +21,16 @@ def make_cloud(
     colors: ArrayLike | None = None,
 ) -> Cloud:
     """Return the points as a cloud, recentered where they are far from the origin."""
-    given = points if isinstance(points, Cloud) else None
-    checked = check_points(points.points if isinstance(points, Cloud) else points)
+    cloud = points if isinstance(points, Cloud) else Cloud(check_points(points))
+    changes: dict[str, object] = {"points": check_points(cloud.points)}
     if viewpoints is not None:
-        viewpoints = _check_viewpoints(viewpoints)
-    elif given is not None:
-        viewpoints = given.viewpoints
-        seen_from = given.seen_from if seen_from is None else seen_from
-    if colors is None and given is not None:
-        colors = given.colors
+        changes |= {"viewpoints": _check_viewpoints(viewpoints), "seen_from": None}
+    if seen_from is not None:
+        changes["seen_from"] = seen_from
+    if colors is not None:
+        changes["colors"] = colors
     try:
-        cloud = Cloud(
-            checked,
-            colors=None if colors is None else np.asarray(colors),
-            viewpoints=viewpoints,
-            seen_from=None if seen_from is None else np.asarray(seen_from),
-            offset=np.zeros(3) if given is None else given.offset,
-            up=None if given is None else given.up,
-        )
+        cloud = cloud.replace(**changes)
     except ScanError as error:
         raise ReconstructionError(str(error)) from error
     offset = find_offset(cloud.points)
@@ -113,7 +105,6 @@ def check_scale(new_points: Float[np.ndarray, "M 3"], old_points: Float[np.ndarr
 
 
 def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
-    """Return the viewpoints as an array `[K, 3]`."""
     array = _as_numbers("viewpoints", viewpoints)
     if array.shape[-1:] != (3,) or array.ndim > 2 or not array.size:
         raise ReconstructionError(f"viewpoints must be one or more positions x, y, z, got {viewpoints!r}")

@@ -31,8 +31,8 @@ def find_method(method: str) -> "tuple[Any, type[NetworkConfig]]":
     return network, getattr(network, config)
 
 
-def make_config(config_type: "type[NetworkConfig]", values: dict[str, object]) -> "NetworkConfig":
-    """Return the configuration, with lists from JSON as tuples; refuse names that it does not have."""
+def make_config(config_type: "type[NetworkConfig]", values: dict[str, Any]) -> "NetworkConfig":
+    """Return the configuration; refuse names that it does not have."""
     known = {field.name for field in dataclasses.fields(config_type)}
     unknown = sorted(set(values) - known)
     if unknown:
@@ -42,19 +42,4 @@ def make_config(config_type: "type[NetworkConfig]", values: dict[str, object]) -
     units = values.get("units")
     if isinstance(units, bool) or not isinstance(units, int | np.integer):
         raise ReconstructionError(f"units must be a whole number, got {units!r}")
-    return _restore(config_type(), values)
-
-
-def _restore(default: Any, values: dict[str, Any]) -> Any:
-    """Return a configuration with the values that JSON holds, those absent as in the default."""
-    restored = {}
-    for name, value in values.items():
-        if isinstance(value, dict):
-            restored[name] = _restore(getattr(default, name), value)
-        else:
-            restored[name] = _freeze(value)
-    return dataclasses.replace(default, **restored)
-
-
-def _freeze(value: Any) -> Any:
-    return tuple(map(_freeze, value)) if isinstance(value, list) else value
+    return config_type(**values)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +24,7 @@ from reconstruction._src.input_cloud import (
 from reconstruction._src.knowledge.slip.drags import join_slip
 from reconstruction._src.methods import find_method
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
-from reconstruction._src.saved_file import Saved, read_saved, write_saved
+from reconstruction._src.saved_file import read_saved, write_saved
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.point_rows import check_points, check_seed
 from reconstruction._src.scans.scan import ScanLog
@@ -38,8 +37,6 @@ if TYPE_CHECKING:
     from reconstruction._src.methods import NetworkConfig, State
     from reconstruction._src.scans.slip_readings import SlipReadings
     from reconstruction._src.surfaces.quality import Quality
-
-logger = logging.getLogger(__name__)
 
 
 class Reconstruction:
@@ -94,7 +91,6 @@ class Reconstruction:
             )
 
     def __repr__(self) -> str:
-        """Return method, size of the mesh and number of readings in one line."""
         vertices = self.mesh.vertices
         size = " x ".join(f"{side:.3g}" for side in np.ptp(vertices, axis=0)) if len(vertices) else "empty"
         return (
@@ -229,9 +225,8 @@ class Reconstruction:
         """Return the same surface with other friction."""
         if slip is None or origins is not None:
             raise ReconstructionError("there is nothing new to learn from: give new_points, slip, or both")
-        readings = None if self.readings is self.cloud else self.readings
         network = (self.method, self.config, self.state, self.cloud)
-        return Reconstruction(*network, readings=readings, notes=self.notes, slip=felt)
+        return Reconstruction(*network, readings=self.readings, notes=self.notes, slip=felt)
 
     @cached_property
     def friction(self) -> FrictionEstimate | None:
@@ -246,9 +241,7 @@ class Reconstruction:
         Raises:
             OSError: the file cannot be written.
         """
-        readings = None if self.readings is self.cloud else self.readings
-        saved = Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip)
-        write_saved(Path(path), saved)
+        write_saved(Path(path), self)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Reconstruction:
@@ -261,8 +254,7 @@ class Reconstruction:
         Raises:
             ReconstructionError: missing, damaged, not such a file, or of a newer version.
         """
-        saved = read_saved(path, max_bytes)
-        return cls(*saved[:4], readings=saved.readings, notes=saved.notes, slip=saved.slip)
+        return cls(**read_saved(path, max_bytes))
 
     def _make_mesh(self) -> trimesh.Trimesh:
         """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""
@@ -280,7 +272,6 @@ class Reconstruction:
             )
             note = f"{100 * share:.1f} % of the area looks to where it was seen from"
         self.notes["orientation"] = note
-        logger.info("orientation: %s", note)
         mesh = trimesh.Trimesh(vertices, faces, process=False)
         colored = self.colored_readings
         if colored is not None and colored.num_points and len(vertices):
@@ -297,12 +288,10 @@ class Reconstruction:
         vertices, faces = drop_unused(self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64))
         cut = cut_far_faces(vertices, faces, self.points, self.viewpoints, self.seen_from)
         if cut.num_faces:
-            note = (
+            self.notes["cut"] = (
                 f"{cut.area:.3g} m² of the surface ({100 * cut.share:.1f} %, {cut.num_faces} faces) were far from "
                 "every reading and were cut off"
             )
-            self.notes["cut"] = note
-            logger.info("cut: %s", note)
         else:
             self.notes.pop("cut", None)
         return cut.vertices, cut.faces

@@ -4,7 +4,7 @@ import dataclasses
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,27 +16,14 @@ from reconstruction._src.methods import find_method, make_config
 from reconstruction._src.scans.cloud import Cloud
 
 if TYPE_CHECKING:
-    from reconstruction._src.knowledge.slip.drags import FrictionReadings
-    from reconstruction._src.methods import NetworkConfig, State
+    from reconstruction._src.methods import State
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1
 
 
-class Saved(NamedTuple):
-    """What a file holds; see `Reconstruction`."""
-
-    method: str
-    config: "NetworkConfig"
-    state: "State"
-    cloud: Cloud
-    readings: Cloud | None
-    notes: dict[str, Any]
-    slip: "FrictionReadings | None" = None
-
-
-def write_saved(path: Path, saved: Saved) -> None:
-    """Write a reconstruction, atomically."""
+def write_saved(path: Path, saved: Any) -> None:
+    """Write a `Reconstruction`, atomically."""
     header = {
         "format": FORMAT,
         "version": VERSION,
@@ -46,7 +33,7 @@ def write_saved(path: Path, saved: Saved) -> None:
     }
     arrays = {f"state_{name}": np.asarray(value) for name, value in saved.state._asdict().items()}
     arrays |= _list_arrays(saved.cloud)
-    if saved.readings is not None:
+    if saved.readings is not saved.cloud:
         arrays |= {f"readings_{name}": array for name, array in _list_arrays(saved.readings).items()}
     if saved.slip is not None:
         arrays |= {f"slip_{name}": array for name, array in saved.slip._asdict().items()}
@@ -54,8 +41,8 @@ def write_saved(path: Path, saved: Saved) -> None:
         np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # pyright: ignore[reportArgumentType]
 
 
-def read_saved(path: str | os.PathLike[str], max_bytes: float) -> Saved:
-    """Read what `write_saved` wrote."""
+def read_saved(path: str | os.PathLike[str], max_bytes: float) -> dict[str, Any]:
+    """Read what `write_saved` wrote, as arguments of `Reconstruction`."""
     try:
         arrays = read_npz(path, max_bytes=max_bytes)
         header = json.loads(str(arrays.pop("header")))
@@ -72,11 +59,15 @@ def read_saved(path: str | os.PathLike[str], max_bytes: float) -> Saved:
         config = make_config(config_type, header["config"])
         state = network.State(**{name: arrays[f"state_{name}"] for name in network.State._fields})
         _check_state(state)
-        cloud, readings = _make_cloud(arrays, ""), None
-        if "readings_points" in arrays:
-            readings = _make_cloud(arrays, "readings_")
-        notes = dict(header.get("notes", {}))
-        return Saved(header["method"], config, state, cloud, readings, notes, read_slip_arrays(arrays))
+        return {
+            "method": header["method"],
+            "config": config,
+            "state": state,
+            "cloud": _make_cloud(arrays, ""),
+            "readings": _make_cloud(arrays, "readings_") if "readings_points" in arrays else None,
+            "notes": dict(header.get("notes", {})),
+            "slip": read_slip_arrays(arrays),
+        }
     except ReconstructionError as error:
         raise ReconstructionError(f"{path}: {error}") from error
     except Exception as error:
@@ -98,13 +89,11 @@ def _list_arrays(cloud: Cloud) -> dict[str, np.ndarray]:
 
 
 def _make_cloud(arrays: dict[str, np.ndarray], prefix: str) -> Cloud:
-    """Return a cloud from its arrays."""
     _check_positions("points", arrays[f"{prefix}points"])
-    viewpoints = arrays.get(f"{prefix}viewpoints")
     return Cloud(
         arrays[f"{prefix}points"],
         colors=arrays.get(f"{prefix}colors"),
-        viewpoints=viewpoints,
+        viewpoints=arrays.get(f"{prefix}viewpoints"),
         seen_from=arrays.get(f"{prefix}seen_from"),
         offset=arrays.get(f"{prefix}offset", np.zeros(3)),
     )

@@ -44,6 +44,13 @@ def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file atomically, in a folder that need not be there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with write_atomically(path) as beside:
+        beside.write_bytes(content)
+
+
 def find_leftovers(folder: str | os.PathLike[str]) -> dict[Path, str]:
     """Return the temporary files in a folder, of killed writers and of present ones: path -> name they were for.
 

@@ -19,11 +19,12 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction._src.base.errors import ReconstructionPackageError
+from reconstruction._src.base.errors import ReconstructionPackageError, ScanError
 
 MAX_BYTES = 2_000_000_000
 """Most bytes that a file may hold once unpacked, and its points once read. A point takes 24, so this is room for
 83 million points; a scan of 100 million needs `max_bytes=3e9`. Reading takes about three times as much memory."""
+PACKINGS = (".gz", ".bz2")
 _CHUNK = 1 << 20  # Bytes unpacked at once
 _NPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _NPZ_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -96,19 +97,23 @@ def check_size(num_bytes: float, max_bytes: float) -> None:
         )
 
 
+def find_kind(path: Path) -> str:
+    """Return the ending that says what a file holds, in lower case: that before .gz or .bz2."""
+    return (path.with_suffix("") if path.suffix.lower() in PACKINGS else path).suffix.lower()
+
+
 @contextmanager
 def open_bounded(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Iterator[BoundedFile]:
     """Open a file whose last suffix may be .gz or .bz2, and close it at the end."""
     path = Path(path)
-    suffixes = [suffix.lower() for suffix in path.suffixes]
-    packing = suffixes.pop() if suffixes and suffixes[-1] in (".gz", ".bz2") else ""
+    packing = path.suffix.lower() if path.suffix.lower() in PACKINGS else ""
     with ExitStack() as stack:
         with _one_error():
             plain = stack.enter_context(path.open("rb"))
             if not os.fstat(plain.fileno()).st_size:
                 raise UnreadableFileError("is empty")
             stream = stack.enter_context(_unpack(plain, packing))
-            file = BoundedFile(stream, suffixes[-1] if suffixes else "", bool(packing), max_bytes)
+            file = BoundedFile(stream, find_kind(path), bool(packing), max_bytes)
             if not file.size:
                 raise UnreadableFileError("is empty once unpacked")
         yield file
@@ -188,6 +193,15 @@ def _unpack(plain: BinaryIO, packing: str) -> BinaryIO:
     if packing == ".gz":
         return gzip.GzipFile(fileobj=plain)  # type: ignore[return-value]
     return bz2.BZ2File(plain) if packing else plain  # type: ignore[return-value]
+
+
+@contextmanager
+def name_file(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Raise a `ScanError` that names the file for what is wrong with its content."""
+    try:
+        yield
+    except (ScanError, UnreadableFileError) as error:
+        raise ScanError(f"{path}: {error}") from error
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from reconstruction._src.base.bounded_read import (
     UnreadableFileError,
     check_size,
     find_npz_names,
+    name_file,
     open_bounded,
     read_array,
     read_npz,
@@ -135,7 +136,8 @@ def load_cloud(
     if (up or raw.up) is None:
         cloud = _turn_upright(path, cloud)
     if viewpoints is not None:
-        cloud = _see_from(path, cloud, viewpoints)
+        with name_file(path):
+            cloud = cloud.replace(viewpoints=viewpoints, seen_from=None)
     elif cloud.viewpoints is None and is_seen_from_origin(cloud.points) and has_ground_below(cloud.points):
         text = (
             "%s: the scanner is taken to have stood at the origin, which sees all; --viewpoint says otherwise"
@@ -173,8 +175,7 @@ def recenter(cloud: Cloud) -> Cloud:
     if not offset.any():
         return cloud
     _logger.info("moved by %s m: points + offset are the file's coordinates", (-offset).tolist())
-    viewpoints = None if cloud.viewpoints is None else cloud.viewpoints - offset
-    return cloud.replace(points=cloud.points - offset, viewpoints=viewpoints, offset=cloud.offset + offset)
+    return cloud.shift(offset)
 
 
 def save_points(path: str | os.PathLike[str], points: ArrayLike) -> Path:
@@ -212,7 +213,7 @@ def _make_cloud(
             f"{_MIN_POINTS} are needed"
         )
     chosen = slice(None) if is_kept.all() else is_kept
-    try:
+    with name_file(path):
         cloud = Cloud(
             to_meters(raw.points[chosen], raw, unit, up, scale),
             None if raw.colors is None else raw.colors[chosen],
@@ -220,8 +221,6 @@ def _make_cloud(
             None if raw.seen_from is None else raw.seen_from[chosen],
             up=up,
         )
-    except ScanError as error:
-        raise ScanError(f"{path}: {error}") from error
     num_dropped = int((~finite).sum()) + raw.num_ignored
     if missed.any():
         text = "%s: dropped %d beams without return, which stand where the sensor stood, kept %d"
@@ -230,14 +229,6 @@ def _make_cloud(
         why = "not finite, or of classes that are not wanted" if raw.num_ignored else "not finite"
         _logger.warning("%s: dropped %d rows that are %s, kept %d", path, num_dropped, why, cloud.num_points)
     return cloud
-
-
-def _see_from(path: Path, cloud: Cloud, viewpoints: ArrayLike) -> Cloud:
-    """Return a cloud that was seen from other positions, whatever its file says."""
-    try:
-        return cloud.replace(viewpoints=viewpoints, seen_from=None)
-    except ScanError as error:
-        raise ScanError(f"{path}: {error}") from error
 
 
 def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
@@ -295,11 +286,6 @@ def _read_raw(path: Path, max_bytes: float, classes: Sequence[int] | None = None
         raise ScanError(f"{path}: {error}") from error
     except Exception as error:  # the libraries raise every kind of error on broken bytes
         raise ScanError(f"{path}: not a readable {kind} file: {error}") from error
-    num_finite = int(np.isfinite(raw.points).all(axis=1).sum())
-    if num_finite < _MIN_POINTS:
-        raise ScanError(
-            f"{path}: {num_finite} of {len(raw.points)} points are finite; {_MIN_POINTS} are needed"
-        )
     return raw
 
 

@@ -17,12 +17,12 @@ from reconstruction._src.base.extras import MissingExtraError, require_extras
 from reconstruction._src.scans.cloud import Cloud
 from reconstruction._src.scans.cloud_file import recenter
 from reconstruction._src.scans.frames import CAMERA_AXES
+from reconstruction._src.scans.point_rows import POINT_BYTES
 from reconstruction._src.scans.sensor_frame import find_upright
 
 _DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")  # Files that may hold a depth image
 _PICTURES = ("PNG", "TIFF", "JPEG")
 """Of the kinds that Pillow reads, whatever the ending says: it hands EPS to another program."""
-_POINT_BYTES = 24
 _MILLIMETER = 0.001
 _MIN_PIXELS = 3
 _RIGID_TOLERANCE = 1e-6
@@ -112,7 +112,6 @@ def load_depth_image(
 
 
 def _find_pose(path: Path, pose: ArrayLike) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
-    """Return rotation and position of the camera in the world."""
     try:
         matrix = np.asarray(pose, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -131,13 +130,13 @@ def _read_image(path: Path, max_bytes: float, mode: str | None = None) -> Shaped
         with open_bounded(path, max_bytes) as file:
             if path.suffix.lower() == ".npy":
                 array = read_array(file.stream, file.size)
-                check_size(array.size * _POINT_BYTES, max_bytes)
+                check_size(array.size * POINT_BYTES, max_bytes)
                 return array
         require_extras("a picture", "formats")
         from PIL import Image
 
         with Image.open(path, formats=_PICTURES) as image:
-            check_size(image.width * image.height * _POINT_BYTES, max_bytes)
+            check_size(image.width * image.height * POINT_BYTES, max_bytes)
             return np.asarray(image.convert(mode) if mode else image)
     except MissingExtraError:
         raise

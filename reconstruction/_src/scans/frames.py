@@ -44,9 +44,8 @@ class RawPoints(NamedTuple):
     has_fixed_unit: bool = False  # the format has this unit, and no other
     up: str | None = None  # the axis that points up ("x", "-x", ...), or None where the file does not say
     num_ignored: int = 0  # points that the file itself marks as unusable; they are left out
-    has_cover: bool = (
-        False  # pulses came back from several heights, and the file does not say which are the ground
-    )
+    # pulses came back from several heights, and the file does not say which are the ground
+    has_cover: bool = False
 
 
 def to_meters(
@@ -66,9 +65,8 @@ def to_meters(
         raise ScanError(f"scale must be above 0, got {scale}")
     meters = UNITS[unit] if unit is not None and not raw.has_fixed_unit else raw.meters or 1.0
     matrix = meters * scale * np.array(UP_AXES[up], float)
-    return (
-        positions if np.array_equal(matrix, np.eye(3)) else positions @ matrix.T
-    )  # exact: one factor a column
+    # exact: one factor a column
+    return positions if np.array_equal(matrix, np.eye(3)) else positions @ matrix.T
 
 
 def find_offset(positions: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 3"]:

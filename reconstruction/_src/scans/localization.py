@@ -314,7 +314,6 @@ def fuse_odometry(
 
 
 def _add_up(steps: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N+1"]:
-    """Return where steps lead to, from 0."""
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 

@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError, check_size, open_bounded
+from reconstruction._src.base.bounded_read import (
+    MAX_BYTES,
+    PACKINGS,
+    check_size,
+    find_kind,
+    name_file,
+    open_bounded,
+)
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.scans.frames import RawPoints, find_offset, to_meters
@@ -48,7 +55,6 @@ _REMEDIES = {
 }
 CONVERTERS = {ending: remedy for endings, remedy in _REMEDIES.items() for ending in endings.split()}
 """Ending of a file that is not read -> what to do with it."""
-PACKINGS = (".gz", ".bz2")
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".dae")
 """Files that hold meshes; .ply and .obj also points alone."""
 _GLTF = (".glb", ".gltf")
@@ -88,11 +94,9 @@ def load_mesh(
         MissingExtraError: a .dae is read and pycollada is not installed.
     """
     path = Path(path)
-    try:
+    with name_file(path):
         mesh, raw = _read(path, max_bytes)
         vertices = to_meters(raw.points, raw, unit, up, scale)
-    except (ScanError, UnreadableFileError) as error:
-        raise ScanError(f"{path}: {error}") from error
     offset = find_offset(vertices)
     mesh.vertices = vertices - offset
     mesh.metadata = {"offset": offset}
@@ -108,19 +112,8 @@ def is_mesh(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> bool:
     kind = find_kind(Path(path))
     if kind not in (".ply", ".obj"):
         return kind in MESH_ENDINGS
-    try:
-        with open_bounded(path, max_bytes) as file:
-            return bool(find_num_faces(file)) if kind == ".ply" else has_obj_faces(file)
-    except (ScanError, UnreadableFileError) as error:
-        raise ScanError(f"{path}: {error}") from error
-
-
-def find_kind(path: Path) -> str:
-    """Return the ending that says what a file holds, in lower case: that before .gz or .bz2."""
-    suffixes = [suffix.lower() for suffix in path.suffixes]
-    if suffixes and suffixes[-1] in PACKINGS:
-        suffixes.pop()
-    return suffixes[-1] if suffixes else ""
+    with name_file(path), open_bounded(path, max_bytes) as file:
+        return bool(find_num_faces(file)) if kind == ".ply" else has_obj_faces(file)
 
 
 def check_plain(path: Path, kind: str, max_bytes: float) -> None:
@@ -192,15 +185,7 @@ def _check_accessors(path: Path, kind: str, max_bytes: float) -> None:
         content = json.loads(data)
         counts = [max(0, int(accessor["count"])) for accessor in content.get("accessors", ())]
         total = max(sum(counts), _count_copies(content, counts))
-    except (
-        AttributeError,
-        IndexError,
-        KeyError,
-        OverflowError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as error:
+    except Exception as error:  # what is no glTF raises every kind of error
         raise ScanError(f"no readable {kind} file: {error}") from error
     check_size(total * _VALUE_BYTES, max_bytes)
 

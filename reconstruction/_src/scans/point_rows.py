@@ -46,11 +46,7 @@ def check_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
 
 
 def check_number(points: Float[np.ndarray, "N 3"], units: int) -> None:
-    """Check the number of units of a network."""
-    if isinstance(units, bool) or not isinstance(units, int | np.integer):
-        raise ReconstructionError(f"units must be a whole number, got {units!r}")
-    if units < MIN_UNITS:
-        raise ReconstructionError(f"units must be at least {MIN_UNITS}, got {units}")
+    """Refuse more units than there are distinct points."""
     distinct = len(points)
     if units <= distinct and len(np.unique(points[:, 0])) < units:
         distinct = len(np.unique(points, axis=0))
@@ -83,7 +79,7 @@ def check_seed(seed: int) -> int:
 
 
 COLORS = ("red", "green", "blue")  # Names of the columns of a point's color
-_POINT_BYTES = 3 * np.dtype(np.float64).itemsize
+POINT_BYTES = 3 * np.dtype(np.float64).itemsize
 _MAX_LINE = 1 << 20  # Longest line of text or binary record [characters, bytes]
 _MAX_HEADER = 1 << 20  # Longest text before binary data [bytes]: parsed, it takes many times that in memory
 _BLOCK_LINES = 50_000  # Lines that are parsed at once, where they are short: larger blocks are no faster
@@ -93,7 +89,7 @@ _MAX_DIGITS = 19  # Digits of the largest 64-bit number: no file has more points
 
 def check_num_points(file: BoundedFile, num_points: int) -> None:
     """Check that the file's limit allows for an array of this many points."""
-    check_size(_POINT_BYTES * num_points, file.max_bytes)
+    check_size(POINT_BYTES * num_points, file.max_bytes)
 
 
 def allocate_points(file: BoundedFile, num_points: int) -> Float[np.ndarray, "N 3"]:

@@ -11,12 +11,11 @@ from reconstruction._src.base.bounded_read import check_size
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.scans.frames import RawPoints, as_colors
-from reconstruction._src.scans.point_rows import unpack_rgb
+from reconstruction._src.scans.point_rows import POINT_BYTES, unpack_rgb
 
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 _TYPES = (None, "i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")  # of PointField.datatype
 _COLORS = ("rgb", "rgba")  # Fields with a color as the four bytes of a number, 0xRRGGBB
-_POINT_BYTES = 24
 
 
 def read_bag(path: Path, max_bytes: float) -> RawPoints:
@@ -42,7 +41,7 @@ def read_bag(path: Path, max_bytes: float) -> RawPoints:
 
 
 def _read_cloud(cloud: Any, max_bytes: float) -> RawPoints:
-    check_size(_POINT_BYTES * cloud.width * cloud.height, max_bytes)
+    check_size(POINT_BYTES * cloud.width * cloud.height, max_bytes)
     fields = {each.name: each for each in cloud.fields}
     missing = [name for name in "xyz" if name not in fields]
     if missing or any(not 0 < each.datatype < len(_TYPES) for each in fields.values()):

@@ -17,6 +17,7 @@ from reconstruction._src.base.bounded_read import (
     BoundedFile,
     UnreadableFileError,
     find_npz_names,
+    name_file,
     open_bounded,
     read_npz,
 )
@@ -219,10 +220,8 @@ def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) ->
     path = Path(path)
     if path.suffix == ".3d":
         return load_3dtk(path, max_bytes)
-    try:
+    with name_file(path):
         arrays = read_npz(path, max_bytes=max_bytes)
-    except UnreadableFileError as error:
-        raise ScanError(f"{path}: {error}") from error
     try:
         names, values = arrays["report_names"].tolist(), arrays["report_values"].tolist()
         parts: dict[str, Any] = {name: arrays.get(name) for name in ("box", "colors")}
@@ -237,11 +236,8 @@ def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) ->
 
 def load_3dtk(path: Path, max_bytes: float = MAX_BYTES) -> ScanLog:
     """Read the raw ordered scan of a tilting planar scanner in the form of 3DTK as a log: one scan a sweep."""
-    try:
-        with open_bounded(path, max_bytes) as file:
-            points = read_3dtk_points(file)
-    except (ScanError, UnreadableFileError) as error:
-        raise ScanError(f"{path}: {error}") from error
+    with name_file(path), open_bounded(path, max_bytes) as file:
+        points = read_3dtk_points(file)
     pose = read_3dtk_pose(path.with_suffix(".pose"))
     num_beams = _count_beams(path, points)
     sweeps = points.reshape(-1, num_beams, 3)

@@ -12,6 +12,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ScanError
+from reconstruction._src.geometry.rows import find_inside
 from reconstruction._src.scans.cloud import Cloud
 
 _MAX_CELLS = 2.0**62  # Numbers of cells are 64-bit integers
@@ -70,7 +71,7 @@ def crop(points: Cloud | ArrayLike, box: ArrayLike, margin: float = 0.05) -> Clo
     if corners.shape != (2, 3) or not (corners[0] <= corners[1]).all():
         raise ScanError(f"box must be [[lowest], [highest]] corner, shape (2, 3), not {corners.tolist()}")
     border = np.array([0.0, 0.0, margin])
-    return points.select(_find_inside(points.points, corners[0] - border, corners[1] + border))
+    return points.select(find_inside(points.points, corners[0] - border, corners[1] + border))
 
 
 @overload
@@ -154,7 +155,7 @@ def find_crop_box(points: ArrayLike | Cloud) -> Float[np.ndarray, "2 3"]:
         if not len(chosen):
             break
         low, high = chosen.min(axis=0) - cell, chosen.max(axis=0) + cell
-        inside = inside[_find_inside(inside, low, high)]
+        inside = inside[find_inside(inside, low, high)]
         if np.ptp(inside, axis=0).max() >= _REFINE_BELOW * extent:
             break
     return np.stack([inside.min(axis=0), inside.max(axis=0)])
@@ -180,12 +181,6 @@ def _select_large_parts(
     sizes[0] = 0
     large = np.flatnonzero(sizes >= max(_MIN_SHARE * len(points), 1))
     return np.isin(part, large), extent / num_cells
-
-
-def _find_inside(
-    points: Float[np.ndarray, "N 3"], low: Float[np.ndarray, " 3"], high: Float[np.ndarray, " 3"]
-) -> Bool[np.ndarray, " N"]:
-    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
 def find_sparse_points(

@@ -27,9 +27,8 @@ _MOST_TILT = np.cos(np.deg2rad(50.0))  # A camera is held so far from upright, a
 _LEVEL = np.cos(np.deg2rad(10.0))  # Normals of level surfaces are so near to each other
 _UPRIGHT = np.sin(np.deg2rad(10.0))  # So near to level are normals of walls
 _DOUBTFUL_TILT = np.cos(np.deg2rad(15.0))  # A floor that is tilted by less may be a slope
-_MOST_FLOOR = (
-    1.5  # Level surface of a tilted room over that of any of its walls, at least: a room may lie on its side
-)
+_MOST_FLOOR = 1.5
+"""Level surface of a tilted room over that of any of its walls, at least: a room may lie on its side."""
 _LEAST_LEVEL = 0.1  # Share of the surface that is level, at least: else there is no floor to go by
 _MOST_POINTS, _NUM_CELLS = 200_000, 100  # Points, and cells along the longest side, that tell what is flat
 _NUM_NORMAL = 12  # Points for a normal

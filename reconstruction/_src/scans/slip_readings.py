@@ -62,11 +62,9 @@ class SlipReadings:
             raise ScanError(f"slip readings: mass must be above 0, got {self.mass}")
 
     def __repr__(self) -> str:
-        """Return the number of ticks and runs in one line."""
         return f"SlipReadings({len(self.times)} ticks in {len(np.unique(self.runs))} runs)"
 
     def __len__(self) -> int:
-        """Return the number of ticks."""
         return len(self.times)
 
 

@@ -34,15 +34,13 @@ _NO_GROUND = (5, 7, 9, 13, 14, 15, 16, 18)
 """Classes that a robot on the ground neither drives on nor meets (LAS 1.4, table 17): high vegetation, noise, water,
 wires and their towers, high noise. Buildings stay, as walls."""
 _UNCLASSIFIED = 1  # The highest class that says nothing
-_ECHOES = (
-    0.01  # Share of points of pulses that came back more than once, above which a scan saw through vegetation
-)
+_ECHOES = 0.01
+"""Share of points of pulses that came back more than once, above which a scan saw through vegetation."""
 _MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099  # GeoTIFF 1.0: model type, units of length, height
 _DEGREES = 2  # Value of GTModelTypeGeoKey for longitude and latitude
 _GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # Their values -> m: meter, foot, US survey foot
 _WKT_UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\["[^"]*"\s*,\s*([0-9.eE+-]+)')
 
-_POINT_BYTES = 24
 _E57_HEADER, _PAGE, _CHECKSUM = 48, 1024, 4
 """Bytes of the header of an .e57 file, of each of its pages, and of the checksum at the end of a page."""
 _ENCODING = re.compile(rb"""encoding\s*=\s*["'](?!utf-8["'])""", re.IGNORECASE)
@@ -198,7 +196,7 @@ def read_e57(path: Path, max_bytes: float) -> RawPoints:
     file = pye57.E57(str(path))
     try:
         headers = [file.get_header(index) for index in range(file.scan_count)]
-        check_size(_POINT_BYTES * sum(header.point_count for header in headers), max_bytes)
+        check_size(point_rows.POINT_BYTES * sum(header.point_count for header in headers), max_bytes)
         poses = [_find_pose(header) for header in headers]
         has_poses = len(poses) > 1 and sum(pose.is_identity for pose in poses) <= 1
         scans = [_read_scan(file, *pair, has_poses) for pair in zip(headers, poses, strict=True)]

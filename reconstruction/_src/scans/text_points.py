@@ -13,10 +13,8 @@ from reconstruction._src.scans import point_rows
 from reconstruction._src.scans.frames import RawPoints
 
 _COLOR_NAMES = (point_rows.COLORS, ("r", "g", "b"))  # Titles of the columns of a color
-_COLOR_COLUMNS = {
-    6: (3, 4, 5),
-    7: (4, 5, 6),
-}  # Colors without titles: x y z r g b; x y z intensity r g b (.pts)
+_COLOR_COLUMNS = {6: (3, 4, 5), 7: (4, 5, 6)}
+"""Colors without titles: x y z r g b; x y z intensity r g b (.pts)."""
 _VTK_TYPES = {
     "float": ">f4",
     "double": ">f8",

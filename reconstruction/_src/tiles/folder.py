@@ -11,7 +11,7 @@ import trimesh
 from jaxtyping import Float, Int, UInt8
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
+from reconstruction._src.base.atomic_write import find_leftovers, write_atomically, write_file
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.typed_json import JsonError, read_json
@@ -109,8 +109,8 @@ def claim_folder(folder: Path) -> None:
 
 def write_index(folder: Path, content: dict[str, Any]) -> None:
     """Write `tiles.json`."""
-    with write_atomically(folder / INDEX) as temporary:
-        temporary.write_text(json.dumps({"format": FORMAT, **content}, indent=1, allow_nan=False) + "\n")
+    text = json.dumps({"format": FORMAT, **content}, indent=1, allow_nan=False)
+    write_file(folder / INDEX, f"{text}\n".encode())
 
 
 def write_surface(
