@@ -13,7 +13,6 @@ from typing import Any
 
 from evolution._src.cli.console import Console
 from evolution._src.errors import EvolutionError
-from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.errors import ReconstructionPackageError
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import SymbrionGymError
@@ -146,10 +145,3 @@ def check_arena(arena: str) -> None:
     if arena not in NAMED_ARENAS and not Path(arena).exists():
         names = ", ".join(NAMED_ARENAS)
         raise UsageError(f"no arena '{arena}'; give one of {names}, an arena folder or a mesh file")
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file of results, in a folder that need not be there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as beside:
-        beside.write_bytes(content)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import IO, Any
 
 from rich.console import Console as RichConsole
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from reconstruction._src.base.printable import make_printable
@@ -83,28 +83,26 @@ class Step:
     def __init__(self, title: str, bars: Progress, log: RichConsole | None):
         self.title, self._bars, self._log = title, bars, log
         self.seconds = 0.0  # wall time, known when the step has ended
-        self._task: TaskID | None = None
+        self._task = bars.add_task(title, total=1.0, detail="")
         self._start = self._last_line = 0.0
         self._begin = self._before = (0.0, -1.0)  # time and fraction of the first report, of that before
 
     def __enter__(self) -> "Step":
         self._start = self._last_line = time.perf_counter()
-        self._task = self._bars.add_task(self.title, total=1.0, detail="")
         if self._log:
             self._log.print(f"{self.title} ...")
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.seconds = time.perf_counter() - self._start
-        if self._task is not None and error is None:
+        if error is None:
             self._bars.update(self._task, completed=1.0, detail="")
         if self._log and error is None:
             self._log.print(f"{self.title}: done in {self.seconds:.1f} s")
 
     def progress(self, message: str, fraction: float) -> None:
         """Show what is being done and the fraction done: the callback for the function that does the work."""
-        if self._task is not None:
-            self._bars.update(self._task, completed=fraction, detail=message)
+        self._bars.update(self._task, completed=fraction, detail=message)
         now = time.perf_counter()
         self._follow(now, fraction)
         if not self._log or now - self._last_line <= self.LOG_INTERVAL:

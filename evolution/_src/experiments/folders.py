@@ -16,7 +16,7 @@ from evolution._src.search.cmaes import Run
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, resume
 from evolution._src.search.run import RunFolder
-from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.typed_json import JsonError, read_json
 
@@ -71,9 +71,7 @@ def lock_folder(folder: Path) -> Iterator[None]:
 
 def write_json(path: Path, content: Any) -> None:
     """Write content as a JSON file, atomically."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as beside:
-        beside.write_text(json.dumps(content, indent=2) + "\n")
+    write_file(path, f"{json.dumps(content, indent=2)}\n".encode())
 
 
 def evolve_or_resume(config: EvolutionConfig, progress: Progress) -> Run:

@@ -35,7 +35,7 @@ from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import load_run
 from evolution._src.search.run import load_champion
 from evolution._src.search.validation import Champion
-from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.atomic_write import write_atomically, write_file
 from reconstruction._src.base.typed_json import JsonError, read_json
 from reconstruction._src.surfaces.quality import compute_distances
 from symbrion_gym._src.contact.quality import measure_arena
@@ -166,7 +166,7 @@ def _time_work(work: Callable[[rc.Progress], Any], progress: rc.Progress) -> Res
     }
 
 
-def measure_cloud(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
+def measure_cloud(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress) -> Result:
     """Survey the true arena and measure the points after each step of preprocessing (Fig. 3)."""
     truth = sg.load_arena("truth").surface
     log = sg.survey("truth", seed=seed, progress=progress)
@@ -214,9 +214,7 @@ def load_network(folder: Path, name: str) -> rc.Reconstruction:
     return rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz")
 
 
-def measure_networks(
-    folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent
-) -> list[Result]:
+def measure_networks(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress) -> list[Result]:
     """Reconstruct the survey at every size (Table I)."""
     truth, points = sg.load_arena("truth").surface, rc.load_points(folder / CLOUD)
     (folder / "surfaces").mkdir(exist_ok=True)
@@ -265,9 +263,7 @@ def load_arena(folder: Path, name: str) -> sg.Arena:
     return sg.Arena.load(folder / "arenas" / name)
 
 
-def build_arenas(
-    folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent
-) -> list[Result]:
+def build_arenas(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress) -> list[Result]:
     """Build the arenas of Tables II and III and save each as a folder."""
     truth, simple, rows = sg.load_arena("truth").surface, sg.load_arena("simple"), []
     for index, (name, (method, kind, text)) in enumerate(RECIPES.items()):
@@ -297,7 +293,7 @@ def build_arenas(
 
 
 def evolve_champion(
-    folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent, workers: int = 1
+    folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress, workers: int = 1
 ) -> Result:
     """Evolve in the GSRM arena, or resume that run, and judge the champion there and in the true arena."""
     wanted = EvolutionConfig(
@@ -324,7 +320,7 @@ def evolve_champion(
     }
 
 
-def measure_physics(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
+def measure_physics(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress) -> Result:
     """Time the champion's crossings in every arena, by MuJoCo's own timers (Table II).
 
     The arenas alternate run by run, so that a machine that slows down slows all of them down; run i has the same
@@ -462,7 +458,7 @@ def list_poses(arena: sg.Arena, count: int) -> Float[np.ndarray, "count 4 4"]:
     return poses
 
 
-def measure_laser(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
+def measure_laser(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress) -> Result:
     """Time scans of 361 beams from positions along the course, looking ahead and down (Table III).
 
     The methods alternate, a block of poses each. The processor time of the thread that scans is measured, so that other
@@ -511,7 +507,7 @@ def measure_laser(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progr
     }  # fmt: skip
 
 
-def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress = rc.silent) -> Result:
+def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress) -> Result:
     """Film robots in the true arena (Fig. 7): an insufficiently evolved one, one that is too short, the champion."""
     run = load_run(folder / RUN)
     champion = run.champion
@@ -550,8 +546,7 @@ def _save_film(folder: Path, name: str, film: Recording) -> list[float]:
         np.savez_compressed(beside, positions=film.positions)
     if not film.frames:
         return []
-    with write_atomically(folder / f"{name}.mp4") as beside:
-        beside.write_bytes(encode_video(film.frames, film.fps))
+    write_file(folder / f"{name}.mp4", encode_video(film.frames, film.fps))
     selected = select_frames(film.positions, len(film.frames))
     for index, frame in enumerate(selected):
         with write_atomically(folder / f"{name}_{index + 1}.png") as beside:

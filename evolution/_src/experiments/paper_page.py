@@ -36,7 +36,7 @@ from evolution._src.report.figures import (
 )
 from evolution._src.report.page import inline_picture, inline_video, make_templates, write_page
 from evolution._src.report.scene import Scene
-from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.bounded_read import UnreadableFileError, read_npz
 
 SUMMARY = """The experiments of the SYMBRION paper of 2011 on this machine, each next to the figures of the paper. Laser
@@ -60,11 +60,9 @@ def write_paper_page(folder: Path, is_quick: bool, seed: int, results: Mapping[s
     truth, points = sg.load_arena("truth").surface, rc.load_points(folder / CLOUD)
     arenas = {name: load_arena(folder, name) for name in ("gsrm", "gg")}
     drawn = _draw_figures(folder, figures, arenas, points)
-    (folder / "figures").mkdir(exist_ok=True)
     for name, figure in drawn.items():
         for ending, convert in (("png", to_png), ("svg", to_svg)):
-            with write_atomically(folder / "figures" / f"{name}.{ending}") as beside:
-                beside.write_bytes(convert(figure))
+            write_file(folder / "figures" / f"{name}.{ending}", convert(figure))
 
     scene, films = Scene(), folder / "films"
     scene.add_points("points", points, is_shown=False)
@@ -130,7 +128,6 @@ def write_paper_page(folder: Path, is_quick: bool, seed: int, results: Mapping[s
 def _draw_figures(
     folder: Path, figures: Mapping[str, Any], arenas: Mapping[str, sg.Arena], points: np.ndarray
 ) -> dict[str, Figure]:
-    """Return all figures by name."""
     truth, log = sg.load_arena("truth").surface, rc.load_scan_log(folder / LOG)
     removed, bounds = find_removed(log), np.asarray(truth.bounds)
     wide = bounds + np.array([[-AROUND] * 3, [AROUND] * 3])

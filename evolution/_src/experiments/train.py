@@ -64,10 +64,8 @@ _MOST = 0.9  # Share of the most columns of level ground that is nearly as many
 _LEVEL = 0.05  # Lowest readings of columns side by side that differ by less are of the same level ground [m]
 _NUM_PLACES, _EYE, _NUM_READINGS = 8, 0.3, 80_000
 """Places from which a mesh is scanned, height of the scanner there [m], and about how many readings this gives ..."""
-_MOST_POINTS, _FIRST = (
-    100_000,
-    1_000,
-)  # ... of so many points at most; the first tell how many of them are seen
+_MOST_POINTS, _FIRST = 100_000, 1_000
+"""... of so many points at most; the first tell how many of them are seen."""
 _SCANS = 8  # Of as many positions of the scanner the readings alternate by position, of fewer one by one
 _AGREE = 0.02
 """Models that are this near to each other confirm each other [m], as contact does that holds a robot."""

@@ -20,6 +20,7 @@ from evolution._src.report.error_map import DIRECTIONS, add_friction, find_touch
 from evolution._src.report.figures import DPI
 from evolution._src.report.raster import (
     OVERSAMPLING,
+    Picture,
     Pixels,
     View,
     blend,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from symbrion_gym._src.tasks.paths import Pair
     from symbrion_gym._src.traversability.drivable import TraversabilityMap
     from symbrion_gym._src.traversability.routes import DrivingRoute
-from evolution._src.report.raster import Picture
 
 ROBOT_COLOR = (0.98, 0.78, 0.16)
 WAY_LOOK: dict[str, Any] = {"color": "black", "linestyle": "--", "linewidth": 1.4}

@@ -7,7 +7,7 @@ from math import ceil, cos, sin
 import matplotlib as mpl
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Real, UInt8
+from jaxtyping import Float, Real, UInt8
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
@@ -17,7 +17,6 @@ from matplotlib.patches import Polygon
 from PIL import Image
 
 from evolution._src.report.raster import (
-    LIGHT,
     OVERSAMPLING,
     draw_outlines,
     make_view,
@@ -26,6 +25,7 @@ from evolution._src.report.raster import (
     shade_pixels,
 )
 from evolution._src.search.bodies.genome import BodyGenome
+from reconstruction._src.geometry.rows import find_inside
 from reconstruction._src.surfaces.color import WHITE, find_vertex_colors
 
 DPI = 110  # Resolution of figures without text; a page shows them pixel by pixel
@@ -89,7 +89,7 @@ def draw_cloud(
 ) -> Figure:
     """Draw a point cloud, colored by height."""
     if bounds is not None:
-        points = points[_find_inside(points, bounds)]
+        points = points[find_inside(points, *bounds)]
     step = max(1, len(points) // limit)
     shown = points[::step]
     figure = Figure(figsize=(12, 8), dpi=DPI)
@@ -98,7 +98,7 @@ def draw_cloud(
     look = {"c": shown[:, 2], "cmap": "viridis", "vmin": low, "vmax": high}
     axes.scatter(*shown.T, **look, s=0.9, depthshade=False, linewidths=0, rasterized=True)
     if marked is not None:
-        seen = marked if bounds is None else marked[_find_inside(marked, bounds)]
+        seen = marked if bounds is None else marked[find_inside(marked, *bounds)]
         seen = seen[:: max(1, len(seen) // limit)]
         axes.scatter(*seen.T, c=MARK_COLOR, s=2.2, depthshade=False, linewidths=0, rasterized=True)
     return figure
@@ -224,24 +224,9 @@ def _make_3d_axes(figure: Figure, points: Float[np.ndarray, "N 3"]) -> Axes:
     return axes
 
 
-def _find_inside(
-    points: Float[np.ndarray, "N 3"], bounds: Float[np.ndarray, "2 3"]
-) -> Bool[np.ndarray, " N"]:
-    return ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
-
-
 def _cut(mesh: trimesh.Trimesh, y: float) -> Float[np.ndarray, "S 2 2"]:
     """Return the segments (x, z) in which a vertical plane along the course cuts a mesh [m]."""
     return np.asarray(trimesh.intersections.mesh_plane(mesh, (0, 1, 0), (0, y, 0)))[:, :, [0, 2]]
-
-
-def shade(
-    mesh: trimesh.Trimesh, color: Float[np.ndarray, " 3"] | Float[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "F 3"]:
-    """Return the colors of faces in the light; `color` is one RGB triple for all faces, or one for each."""
-    light = LIGHT / np.linalg.norm(LIGHT)
-    brightness = 0.45 + 0.55 * np.clip(mesh.face_normals @ light, 0, 1)
-    return brightness[:, None] * color
 
 
 def style_axes(axes: Axes) -> None:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from evolution._src.report.figures import compute_width, to_png
 from evolution._src.report.scene import Scene, get_plotly_script
-from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.atomic_write import write_file
 
 
 def make_templates(*folders: Path) -> jinja2.Environment:
@@ -115,8 +115,7 @@ def write_page(path: Path, template: jinja2.Template, context: Mapping[str, Any]
     """Write a page from a template as one file, atomically."""
     program = get_plotly_script() if has_scene else ""
     html = template.render(program=program, **context)
-    with write_atomically(path) as beside:
-        beside.write_text(html, encoding="utf-8", errors="backslashreplace")
+    write_file(path, html.encode(errors="backslashreplace"))
 
 
 def inline_picture(picture: bytes | Figure) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 import symbrion_gym as sg
+from reconstruction._src.geometry.rows import find_inside
 
 if TYPE_CHECKING:
     from symbrion_gym._src.tasks.paths import Pair
@@ -218,5 +219,5 @@ def _crop(
     points: Float[np.ndarray, "N 3"], low: Float[np.ndarray, " 3"], high: Float[np.ndarray, " 3"]
 ) -> Float[np.ndarray, "M 3"]:
     """Return the points in a box; all where there are too few in it to show."""
-    is_inside = ((points >= low) & (points <= high)).all(axis=1)
-    return points[is_inside] if is_inside.sum() >= 3 else points
+    inside = find_inside(points, low, high)
+    return points[inside] if len(inside) >= 3 else points

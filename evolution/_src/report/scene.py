@@ -13,7 +13,8 @@ import trimesh
 from jaxtyping import Float
 from markupsafe import Markup
 
-from evolution._src.report.figures import EDGE_COLOR, PALETTE, shade
+from evolution._src.report.figures import EDGE_COLOR, PALETTE
+from evolution._src.report.raster import LIGHT
 from reconstruction._src.surfaces.color import find_vertex_colors
 
 Trace = dict[str, Any]
@@ -141,7 +142,8 @@ def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
     """Return a mesh in the colors of its vertices, lit so that its shape is seen, or shaded as in the figures."""
     (i, j, k), own = np.asarray(mesh.faces, dtype=np.int32).T, find_vertex_colors(mesh)
     if own is None:
-        shaded = np.round(255 * shade(mesh, np.array(mpl.colors.to_rgb(color)))).astype(np.uint8)
+        brightness = 0.45 + 0.55 * np.clip(mesh.face_normals @ (LIGHT / np.linalg.norm(LIGHT)), 0, 1)
+        shaded = np.round(255 * (brightness[:, None] * mpl.colors.to_rgb(color))).astype(np.uint8)
         look = {"facecolor": ["#" + bytes(rgb).hex() for rgb in shaded], "flatshading": True}
         light = {"ambient": 1.0, "diffuse": 0.0}
     else:

@@ -14,10 +14,10 @@ from evolution._src.cli.command import (
     require_file,
     require_writable_file,
     require_writable_folder,
-    write_file,
 )
 from evolution._src.cli.console import Console
 from evolution._src.cli.scan_source import FrameCommand
+from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count, format_distance, format_extents, format_share
 

@@ -59,7 +59,6 @@ class BenchSuite(TrustingCommand):
         self.require_positive("budget")
 
     def run(self, console: Console) -> dict[str, Any]:
-        """Do what the action says."""
         actions = {"list": self._list, "run": self._run, "board": self._board}
         return actions[self.action](console)
 

@@ -19,12 +19,12 @@ from evolution._src.cli.command import (
     check_arena,
     find_modules_here,
     require_writable_folder,
-    write_file,
 )
 from evolution._src.cli.console import Console
 from evolution._src.search.bodies.config import ALGORITHMS
 from evolution._src.search.bodies.run import BodyRun, describe_success, format_fitness, list_once
 from evolution._src.search.run import RunFolder
+from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.extras import find_missing
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.environment.config import STARTS
@@ -168,7 +168,6 @@ class Resume(TrustingCommand):
 
 
 def _drop_absent(options: dict[str, Any]) -> dict[str, Any]:
-    """Return the options that are given."""
     return {name: value for name, value in options.items() if value is not None}
 
 

@@ -15,10 +15,10 @@ from evolution._src.cli.command import (
     UsageError,
     require_file,
     require_writable_folder,
-    write_file,
 )
 from evolution._src.cli.console import Console
 from evolution._src.cli.scan_source import Box, FrameCommand, check_box, crop_cloud
+from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count
 
@@ -137,16 +137,9 @@ class Train(FrameCommand, Experiment):
     def _describe(self) -> str:
         """Return the scan and how it is read, as words of the command line."""
         words = [str(self.scan)]
-        for name, usual in (
-            ("unit", None),
-            ("up", None),
-            ("scale", 1.0),
-            ("viewpoint", ()),
-            ("classes", ()),
-            ("crop", None),
-        ):
+        for name in ("unit", "up", "scale", "viewpoint", "classes", "crop"):
             value = getattr(self, name)
-            if value != usual:
+            if value != getattr(Train, name):
                 words += [f"--{name}", *map(str, np.ravel(value))]
         return shlex.join(words)
 

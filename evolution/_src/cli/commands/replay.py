@@ -15,11 +15,11 @@ from evolution._src.cli.command import (
     UsageError,
     check_arena,
     require_writable_file,
-    write_file,
 )
 from evolution._src.cli.commands.evolve import require_run
 from evolution._src.cli.console import Console
 from evolution._src.search.run import RunFolder
+from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.assets import SCANNED

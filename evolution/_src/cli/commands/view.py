@@ -15,9 +15,9 @@ from evolution._src.cli.command import (
     check_arena,
     require_writable_file,
     require_writable_folder,
-    write_file,
 )
 from evolution._src.cli.console import Console
+from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count, format_extents
 from symbrion_gym._src.headless import has_display
@@ -89,9 +89,8 @@ class View(SeededCommand):
         if way is not None:
             summary["straight_way"] = way
             start, goal = (" ".join(f"{value:g}" for value in place) for place in way)
-            alone = (
-                " --environment track_control skid" if self.modules == 1 else ""
-            )  # it has no hinges to evolve
+            # one that is alone has no hinges to evolve
+            alone = " --environment track_control skid" if self.modules == 1 else ""
             console.print_line(
                 f"straight way for {robot}: symbrion evolve --arena {shlex.quote(self.arena)} "
                 f"--modules {self.modules}{alone} --start {start} --goal {goal}"

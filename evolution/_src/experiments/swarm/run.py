@@ -36,9 +36,8 @@ class SwarmRunConfig:
 
     folder: Path  # output folder
     story: StoryConfig  # what is told
-    champion: Path | None = (
-        None  # of a run or file of a champion that crosses; None to evolve one in the arena
-    )
+    # of a run or file of a champion that crosses; None to evolve one in the arena
+    champion: Path | None = None
     workers: int = 1  # threads of its evolution; the results do not depend on their number
     allow: tuple[str, ...] = ()  # modules of yours that the champion names and that may be imported
 
@@ -48,13 +47,7 @@ def run_swarm(config: SwarmRunConfig, steps: Steps) -> tuple[Track, list[dict[st
     about = {**asdict(config.story), "champion": None if config.champion is None else str(config.champion)}
     claim_folder(config.folder, MARKER, about, OUTPUTS)
     arena, path = sg.load_arena(config.story.arena), config.folder / "track.npz"
-    results = _read(config.folder / RESULTS) or []
-    try:
-        as_type(results, list[Figures])
-    except JsonError as error:
-        raise RunError(
-            f"{config.folder / RESULTS} holds no stories ({error}); remove it to tell them again"
-        ) from error
+    results = _read_stories(config.folder / RESULTS)
     with steps("1/3 champion") as step:
         champion = find_champion(config, step.progress)
     baseline = replace(config.story, docks=False, gather_time=BASELINE_TIME)
@@ -111,8 +104,10 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> Champion:
     return run.champion
 
 
-def _read(path: Path) -> Any:
+def _read_stories(path: Path) -> list[dict[str, Any]]:
     try:
-        return read_json(path) if path.is_file() else None
+        stories = read_json(path) if path.is_file() else []
+        as_type(stories, list[Figures])
     except JsonError as error:
-        raise RunError(f"{path} is damaged ({error}); remove it, or name another folder") from error
+        raise RunError(f"{path} holds no stories ({error}); remove it to tell them again") from error
+    return stories
