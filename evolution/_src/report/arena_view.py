@@ -125,12 +125,9 @@ def draw_arena(
     sides = [make_view(frame, *each, OVERSAMPLING * WIDTH) for each in DIRECTIONS if "sides" in views]
     plans = [make_view(frame, *FROM_ABOVE, OVERSAMPLING * round(PLAN_SHARE * 2 * WIDTH))] if has_plan else []
     figure, places = _make_figure(sides, plans)
-    contact = (
-        format_count(arena.quality.num_pieces, "contact piece")
-        if arena.height_field is None
-        else "a height field"
-    )
-    figure.suptitle(f"{arena.name}: {contact}", fontsize=FONT)
+    pieces = format_count(arena.quality.num_pieces, "contact piece")
+    shape = pieces if arena.height_field is None else "a height field"
+    figure.suptitle(f"{arena.name}: {shape}", fontsize=FONT)
     for axes, view in zip(places, sides + plans, strict=True):
         pixels = rasterize(np.asarray(arena.surface.triangles), view)
         picture = _draw_surface(arena, layers, pixels, view)

@@ -158,8 +158,8 @@ def draw_section(
             axes.scatter(near[:, 0], near[:, 2], label=label, **look)
     for index, (label, group) in enumerate(meshes.items()):
         parts = [group] if isinstance(group, trimesh.Trimesh) else list(group)
-        cuts = [_cut(part, SECTION_Y) for part in parts]
-        lines = np.concatenate(cuts) if cuts else np.zeros((0, 2, 2))
+        cuts = [trimesh.intersections.mesh_plane(part, (0, 1, 0), (0, SECTION_Y, 0)) for part in parts]
+        lines = np.concatenate(cuts)[:, :, [0, 2]] if cuts else []
         color = PALETTE[index % len(PALETTE)]
         width = max(0.9, 2.4 - 0.75 * index)  # lines drawn later do not hide the earlier ones
         axes.add_collection(LineCollection(list(lines), colors=color, linewidths=width, label=label))
@@ -222,11 +222,6 @@ def _make_3d_axes(figure: Figure, points: Float[np.ndarray, "N 3"]) -> Axes:
     axes.view_init(*VIEW)  # pyright: ignore[reportAttributeAccessIssue]
     axes.set_axis_off()
     return axes
-
-
-def _cut(mesh: trimesh.Trimesh, y: float) -> Float[np.ndarray, "S 2 2"]:
-    """Return the segments (x, z) in which a vertical plane along the course cuts a mesh [m]."""
-    return np.asarray(trimesh.intersections.mesh_plane(mesh, (0, 1, 0), (0, y, 0)))[:, :, [0, 2]]
 
 
 def style_axes(axes: Axes) -> None:

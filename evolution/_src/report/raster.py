@@ -39,14 +39,7 @@ class View(NamedTuple):
     def project(self, points: Float[np.ndarray, "*N 3"]) -> Float[np.ndarray, "*N 3"]:
         """Return column, row [pixel] and height towards the camera [m] of points."""
         seen = (points - self.center) @ self.axes.T
-        return np.stack(
-            [
-                self.width / 2 + self.scale * seen[..., 0],
-                self.height / 2 - self.scale * seen[..., 1],
-                seen[..., 2],
-            ],
-            axis=-1,
-        )
+        return seen * [self.scale, -self.scale, 1.0] + [self.width / 2, self.height / 2, 0.0]
 
     def find_points(
         self, columns: Int[np.ndarray, " P"], rows: Int[np.ndarray, " P"], heights: Float[np.ndarray, " P"]

@@ -102,9 +102,8 @@ def find_tilt(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] | No
     walls = normals[np.abs(normals @ up) < _UPRIGHT]
     if len(walls) < _LEAST_LEVEL * len(normals):
         return None
-    of_walls = (
-        (np.abs(normals @ walls[:: max(1, len(walls) // _NUM_DIRECTIONS)].T) > _LEVEL).sum(axis=0).max()
-    )
+    tried = walls[:: max(1, len(walls) // _NUM_DIRECTIONS)]
+    of_walls = (np.abs(normals @ tried.T) > _LEVEL).sum(axis=0).max()
     return _make_level(up) if (np.abs(normals @ up) > _LEVEL).sum() >= _MOST_FLOOR * of_walls else None
 
 

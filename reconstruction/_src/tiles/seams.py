@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from reconstruction._src.geometry.rows import Vertices
+from reconstruction._src.geometry.rows import Vertices, drop_unused
 from reconstruction._src.tiles.point_stream import Place, TilesConfig
 
 _ON_BORDER = 1e-9  # A vertex this near to a border lies on it [m]
@@ -108,8 +108,7 @@ def _weld(surface: Surface) -> Surface:
     vertices, numbers = np.unique(surface.vertices, axis=0, return_inverse=True)
     faces = numbers.reshape(-1)[surface.faces]
     is_face = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    used, faces = np.unique(faces[is_face], return_inverse=True)
-    return Surface(vertices[used], faces.reshape(-1, 3))
+    return Surface(*drop_unused(vertices, faces[is_face]))
 
 
 def _find_seam_edges(surface: Surface, border: _Border) -> Int[np.ndarray, "E 3"]:
