@@ -23,8 +23,9 @@ from symbrion_gym._src.traversability.routes import DrivingRoute
 
 _GROUND, _UNSEEN = "#cfd3da", "#e7a08f"  # Colors of the surface, and of what both halves do not confirm
 
-_STEEP, _HIDING = 0.5, 0.15
-"""Faces whose normal, of length 1, rises less are walls or ceilings; so far above the body [m] they would hide it."""
+_STEEP, _HIDING = 0.5, 0.8
+"""Faces whose normal, of length 1, rises less are of walls or ceilings if they reach so far above the body [m], higher
+than tables and chairs do."""
 
 
 def write_train_page(result: Training, judged_in: sg.Arena, source: str, seed: int) -> None:

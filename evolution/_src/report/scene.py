@@ -24,8 +24,9 @@ _BELOW = np.array([0.0, 0.0, -0.04])  # It looks so far below the middle
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
 _LEAST_SIZE = 1.5  # Of what is seen around a focus: half of its extent, but not less [m]
-_CLICKED, _MOST_CLICKED = 0.15, 10_000
-"""Longest edge of a face that is clicked on [m]; longer for surfaces of more than so many squares of it."""
+_CLICKED, _MOST_CLICKED, _MOST_HALVED = 0.15, 10_000, 30
+"""Longest edge of a face that is clicked on [m], longer for surfaces of more than so many squares of it; how often a
+face is halved for it."""
 SNAPSHOTS = 9  # Times at which a body is shown on its path
 PATH_STEP = 5  # Every fifth position of the head becomes a point of its path
 
@@ -157,9 +158,8 @@ def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
 def _subdivide(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return a mesh of small faces: a click on one tells its middle."""
     longest = max(_CLICKED, float(np.sqrt(mesh.area / _MOST_CLICKED)))
-    return trimesh.Trimesh(
-        *trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, 30), process=False
-    )
+    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, _MOST_HALVED)[:2]
+    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def _name(values: Float[np.ndarray, " 3"]) -> dict[str, float]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from io import TextIOWrapper
 
 import numpy as np
@@ -83,6 +84,7 @@ POINT_BYTES = 3 * np.dtype(np.float64).itemsize
 _MAX_LINE = 1 << 20  # Longest line of text or binary record [characters, bytes]
 _MAX_HEADER = 1 << 20  # Longest text before binary data [bytes]: parsed, it takes many times that in memory
 _BLOCK_LINES = 50_000  # Lines that are parsed at once, where they are short: larger blocks are no faster
+_SHOWN = 60  # Characters of a line that an error shows
 _BLOCK_CHARACTERS = 1 << 22  # Characters parsed at once: as many numbers take twenty times that in memory
 _MAX_DIGITS = 19  # Digits of the largest 64-bit number: no file has more points
 
@@ -139,15 +141,28 @@ def read_text_rows(
     """Read columns of numbers, one row a line; blank lines are skipped."""
     check_num_points(file, file.num_lines)
     values, num_read, remaining = np.empty((file.num_lines, len(columns))), 0, iter(lines)
+    parse = partial(np.loadtxt, delimiter=delimiter, comments=comments, usecols=columns, ndmin=2)
     while block := next_block(remaining):
-        try:
-            with warnings.catch_warnings(action="ignore"):  # a block of comments alone
-                rows = np.loadtxt(block, delimiter=delimiter, comments=comments, usecols=columns, ndmin=2)
-        except ValueError as error:
-            raise ScanError(f"not three columns of numbers: {error}, counted from row {num_read}") from error
+        with warnings.catch_warnings(action="ignore"):  # a block of comments alone
+            try:
+                rows = parse(block)
+            except ValueError:
+                _refuse_odd_row(block, parse, num_read)
+                raise
         values[num_read : num_read + len(rows)] = rows
         num_read += len(rows)
     return values[:num_read]
+
+
+def _refuse_odd_row(
+    lines: Sequence[str], parse: Callable[[Sequence[str]], np.ndarray], num_before: int
+) -> None:
+    """Raise an error that shows the first line that is not a row of numbers."""
+    for number, line in enumerate(lines, num_before + 1):
+        try:
+            parse([line])
+        except ValueError as error:
+            raise ScanError(f"row {number} is not numbers: {line.strip()[:_SHOWN]!r}") from error
 
 
 def split_colors(values: Float[np.ndarray, "N C"]) -> RawPoints:

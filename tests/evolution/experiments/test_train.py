@@ -208,6 +208,8 @@ def test_what_lies_beside_the_scan_is_refused(tmp_path: Path, end: str, place: t
     words = rf"the {end} \({place[0]:g}, {place[1]:g}\) lies beside the scan, which extends over x -1.2"
     with pytest.raises(ev.RunError, match=words):
         ev.train(make_scan(), tmp_path / "a", **{end: place})
+    with pytest.raises(ev.RunError, match="start and goal are the same place"):
+        ev.train(make_scan(), tmp_path / "a", start=(0.1, 0.0), goal=(0.1, 0.0))
     assert not (tmp_path / "a").exists()
 
 
@@ -216,12 +218,20 @@ def test_an_axis_that_is_given_makes_it_another_scan() -> None:
     assert training._digest(scan) != training._digest(replace(scan, up="z"))
 
 
-def test_after_a_refusal_the_folder_takes_other_options(tmp_path: Path) -> None:
+def test_after_a_refusal_the_folder_takes_other_options(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scan, few = make_scan(), make_scan().select(np.arange(6400) < 30)
     with pytest.raises(ev.RunError, match=r"good for a robot of 0.105 m: no"):
         ev.train(few, tmp_path)
     training._claim(tmp_path, {"scan": training._digest(scan), "seed": 0})
-    assert not (tmp_path / "arena" / "arena.json").exists()  # models are made anew
+    floors = [sg.make_arena(trimesh.creation.box((size, 1.0, 0.1))) for size in (1.0, 2.0)]
+    for k, arena in enumerate(floors):  # each seed has models of its own, which replace those before
+        monkeypatch.setattr(training, "_make_model", lambda *_, arena=arena: arena)
+        for _ in range(2):
+            models = training.make_models(scan, tmp_path, k)
+            assert [float(np.ptp(model.surface.vertices[:, 0])) for model in models] == [k + 1.0] * 2
+            monkeypatch.setattr(training, "_make_model", None)
     (tmp_path / "run").mkdir()
     with pytest.raises(ev.RunError, match="other options"):
         training._claim(tmp_path, {"scan": "another"})
@@ -247,8 +257,17 @@ def test_the_page_shows_a_room_without_what_hides_the_robot() -> None:
     quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=1)
     arena = sg.Arena("room", [room], room, quality, unseen=(int(room.triangles_center[:, 2].argmin()),))
     scene = _make_scene(arena, np.full((5, 1, 3), [0.0, 0.0, 0.05]), "room.ply --up y")
-    shown = {layer.name: (layer.is_shown, len(layer.traces[0]["i"])) for layer in scene.layers[:3]}
-    assert shown == {"surface": (True, 1), "not confirmed": (True, 1), "walls and ceilings": (False, 10)}
+    shown = {layer.name: (layer.is_shown, layer.traces[0]) for layer in scene.layers[:3]}
+    assert {name: switch for name, (switch, _) in shown.items()} == {
+        "surface": True,
+        "not confirmed": True,
+        "walls and ceilings": False,
+    }
+    heights = {name: (trace["z"].min(), trace["z"].max()) for name, (_, trace) in shown.items()}
+    assert heights == {"surface": (0, 0), "not confirmed": (0, 0), "walls and ceilings": (0, 2.5)}
+    trace = shown["surface"][1]  # a click tells the middle of a face, which is small therefore
+    corners = np.stack([trace[axis][np.stack([trace["i"], trace["j"], trace["k"]])] for axis in "xy"])
+    assert np.ptp(corners, axis=1).max() < 0.16
     assert "symbrion train room.ply --up y" in scene.command
 
 
