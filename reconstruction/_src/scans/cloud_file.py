@@ -28,7 +28,14 @@ from reconstruction._src.base.bounded_read import (
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import MissingExtraError
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.frames import UP_AXES, RawPoints, describe_odd_size, find_offset, to_meters
+from reconstruction._src.scans.frames import (
+    UP_AXES,
+    RawPoints,
+    describe_odd_size,
+    find_grid,
+    find_offset,
+    to_meters,
+)
 from reconstruction._src.scans.ground import find_heights_above_ground
 from reconstruction._src.scans.mesh_files import (
     CONVERTERS,
@@ -56,6 +63,7 @@ from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
 _logger = logging.getLogger(__name__)
 
 _MIN_POINTS = 3  # Fewer points span no plane
+_COARSE = 0.02  # A grid of larger steps hides what stops a robot [m]
 _TALLEST = 2.0  # What is higher above the ground meets no robot [m]
 _ROW_RANGE = 1000.0  # Farther than any automotive laser sees [m]; other .bin files have such numbers
 _NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")  # Arrays of an .npz that go with its array ``points``
@@ -133,6 +141,11 @@ def load_cloud(
     path = Path(path)
     raw = _read_sweeps(path, max_bytes) if find_kind(path) == ".3d" else _read_raw(path, max_bytes, classes)
     cloud = _make_cloud(path, raw, unit, up, scale)
+    step = find_grid(cloud.points)
+    if step > _COARSE:
+        _logger.warning(
+            "%s: its points stand on a grid of %g mm: they tell no step that is lower", path, 1000 * step
+        )
     if (up or raw.up) is None:
         cloud = _turn_upright(path, cloud)
     if viewpoints is not None:

@@ -25,6 +25,7 @@ are; -y: a camera that looks along z, with y down."""
 CAMERA_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rows: ahead, left and up in the frame of a camera (x right, y down, z ahead)."""
 _SIZES = 0.1, 1000.0  # Longest side of a robot's scene [m]; others mostly are in another unit
+_FEW_PLACES = 0.1  # Points with fewer different coordinates, for their number, stand on a grid
 _MAX_DISTANCE = 1000.0
 """A cloud whose middle (median) is farther from the origin than this, and than its own longest side, is moved
 to it [m]: MuJoCo and most mesh formats keep single precision, which at 1 km is a hundred times finer than a good
@@ -91,6 +92,17 @@ def describe_odd_size(positions: Float[np.ndarray, "N 3"]) -> str | None:
     size = f"{extent:,.0f} m" if extent >= 1 else f"{1000 * extent:.3g} mm"
     bound = f"above {largest:g} m" if extent > largest else f"below {100 * smallest:g} cm"
     return f"its longest side is {size}, {bound}"
+
+
+def find_grid(positions: Float[np.ndarray, "N 3"]) -> float:
+    """Return the step of the grid on which points stand, as those of a voxel map do [m]; 0 where on none."""
+    step = np.inf
+    for column in positions.T:
+        places = np.unique(np.round(column, 4))
+        if len(places) > _FEW_PLACES * len(positions):
+            return 0.0
+        step = min(step, np.diff(places).min(initial=np.inf))
+    return float(step) if np.isfinite(step) else 0.0
 
 
 def as_colors(values: Num[np.ndarray, "N 3"]) -> UInt8[np.ndarray, "N 3"] | None:

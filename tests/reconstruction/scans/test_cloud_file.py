@@ -322,6 +322,14 @@ def test_large_coordinates_are_moved_by_whole_meters(extent: float, center: tupl
         assert np.abs(rounded - (points - offset)).max() <= 1e-6 * extent
 
 
+@pytest.mark.parametrize(("step", "is_told"), [(0.1, True), (0.01, False)])
+def test_a_voxel_map_says_what_it_does_not_tell(tmp_path: Path, caplog, step: float, is_told: bool) -> None:
+    places = np.random.default_rng(0).uniform(0.0, [3.0, 3.0, 0.5], (4000, 3))
+    np.savetxt(tmp_path / "map.xyz", step * np.round(places / step))
+    load_cloud(tmp_path / "map.xyz")
+    assert (f"stand on a grid of {1000 * step:g} mm" in caplog.text) == is_told
+
+
 def test_odd_sizes_are_described_and_others_are_not() -> None:
     for extent in (0.11, 5.0, 990.0):
         assert describe_odd_size(np.array([[0.0, 0, 0], [extent, 0, 0]])) is None
