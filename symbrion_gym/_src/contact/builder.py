@@ -211,6 +211,7 @@ def fit_patches(problem: ContactProblem, best: Contact | None) -> Contact | None
     most -= 0 if zone is None else int(_BEYOND_SHARE * most)
     counts = list_counts(len(flat.faces))
     index, step, made = select_simple(flat, problem.distance, problem.aim, is_drawn(problem.surface)), 0, None
+    num_before = 0
     while index < len(counts):
         simple = simplify_surface(flat, counts[index])
         near = simple if zone is None else zone.take_near(simple)
@@ -231,6 +232,9 @@ def fit_patches(problem: ContactProblem, best: Contact | None) -> Contact | None
         step = wanted
         # As many steps of `list_counts` as divide the number of triangles by what is too much.
         fewer = 0 if is_few else max(math.ceil(math.log(len(pieces) / most) / math.log(GROWTH)), 1)
+        if not is_few and len(simple.faces) == num_before:  # boundaries stay: there are no fewer triangles
+            fewer = index
+        num_before = len(simple.faces)
         index = index + 1 if is_few else max(index - fewer, 0)
     return _add_beyond(problem, made, far) if made and far and len(far.faces) else made
 

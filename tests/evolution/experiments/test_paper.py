@@ -19,7 +19,7 @@ from evolution._src.experiments.paper import (
     select_frames,
     summarize,
 )
-from reconstruction import measure_quality
+from reconstruction import measure_quality, silent
 
 OPTIONS = {"quick": True, "seed": 0}
 
@@ -99,7 +99,7 @@ def test_crossings_are_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     for name in paper.RECIPES:
         sg.load_arena("simple").save(tmp_path / "arenas" / name)
     sizes = paper.PaperSizes(runs=2)
-    measured = paper.measure_physics(tmp_path, sizes, seed=0)
+    measured = paper.measure_physics(tmp_path, sizes, seed=0, progress=silent)
     assert 0 <= measured["interrupted"] <= 1
     for row in measured["rows"]:
         assert 0 < row["collision_us"]["mean"] < row["physics_us"]["mean"]
