@@ -179,8 +179,8 @@ def _measure_axes(areas: Float[np.ndarray, "F 3"]) -> Float[np.ndarray, "3 3"]:
 def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 3"]) -> str | None:
     """Return the axis that points up where z does not beyond doubt; None where it does, or where no other is sure.
 
-    Of its two directions that in which more of the level area lies low, as floors do; of a room, whose floor and
-    ceiling look at each other, the positive one, as most formats have it.
+    Of its two directions the positive one, as most formats have it, but the other where far more of the level area lies
+    in the upper half, as the floor does then; not of a room, whose floor and ceiling look at each other.
 
     Args:
         areas: normals of parts of the surface, each as long as its area; of points of either sign.
@@ -198,7 +198,8 @@ def find_up_axis(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 
     height, rise = middles[:, axis], areas[:, axis]
     level = np.where(np.abs(rise) > _LEVEL * size, np.abs(rise), 0.0)
     is_low = height < (height.min() + height.max()) / 2
-    sign = "" if level[is_low].sum() >= level[~is_low].sum() or is_room(rise, size, height) else "-"
+    is_below = level[~is_low].sum() <= _LEAD * level[is_low].sum()
+    sign = "" if is_below or is_room(rise, size, height) else "-"
     return f"{sign}{'xyz'[axis]}"
 
 

@@ -232,7 +232,7 @@ def _make_cloud(
             None if raw.colors is None else raw.colors[chosen],
             None if raw.viewpoints is None else to_meters(raw.viewpoints, raw, unit, up, scale),
             None if raw.seen_from is None else raw.seen_from[chosen],
-            up=up,
+            up=up or raw.up,
         )
     num_dropped = int((~finite).sum()) + raw.num_ignored
     if missed.any():

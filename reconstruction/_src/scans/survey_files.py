@@ -38,6 +38,7 @@ _ECHOES = 0.01
 """Share of points of pulses that came back more than once, above which a scan saw through vegetation."""
 _MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099  # GeoTIFF 1.0: model type, units of length, height
 _DEGREES = 2  # Value of GTModelTypeGeoKey for longitude and latitude
+_COORDINATE_SYSTEM = {2112, 34735}  # Records that hold one: well-known text, GeoTIFF keys
 _GEO_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # Their values -> m: meter, foot, US survey foot
 _WKT_UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\["[^"]*"\s*,\s*([0-9.eE+-]+)')
 
@@ -53,7 +54,7 @@ _ROTATION_TOLERANCE = 1e-3  # How far the length of a quaternion may be from 1
 def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoints:
     """Read x, y, z and colors of some classes (None: all that a robot on the ground meets), without withheld points.
 
-    The unit is that of the file's coordinate system, where it has one (GeoTIFF keys or WKT).
+    Unit and axis are those of the file's coordinate system, where it has one (GeoTIFF keys or WKT).
     """
     with open_las(file) as reader:
         header = reader.header
@@ -62,6 +63,8 @@ def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoin
         if not header.are_points_compressed and count * size > file.size:
             raise ScanError(f"the header promises {count} points of {size} bytes in {file.size} bytes")
         meters, height_factor = find_las_units(header)
+        records = [*header.vlrs, *(header.evlrs or [])]
+        is_on_map = any(record.record_id in _COORDINATE_SYSTEM for record in records)
         colors = np.empty((count, 3), np.uint16) if _has_colors(header) else None
         num_read = num_kept = num_echoes = 0
         has_classes = classes is not None
@@ -81,7 +84,7 @@ def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoin
         points[:num_kept],
         None if colors is None else as_colors(colors[:num_kept]),
         meters=meters,
-        up="z",
+        up="z" if is_on_map else None,
         num_ignored=num_read - num_kept,
         has_cover=not has_classes and num_echoes > _ECHOES * num_read,
     )

@@ -116,7 +116,11 @@ def test_a_room_with_more_ceiling_than_floor_has_its_axis_upwards():
     areas, middles = np.asarray(room.face_normals * room.area_faces[:, None]), room.triangles_center
     assert find_up_axis(areas, middles) == "y"
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (len(areas), 1))
-    assert find_up_axis(signs * areas, middles) == "-y"  # points do not tell a ceiling from a floor
+    assert find_up_axis(signs * areas, middles) == "y"  # points do not tell a ceiling from a floor
+    is_above = middles[:, 1] > -1.2
+    assert (
+        find_up_axis((signs * areas)[is_above], middles[is_above]) == "-y"
+    )  # a floor is below what else there is
 
 
 def test_a_room_has_a_ceiling_that_looks_down():

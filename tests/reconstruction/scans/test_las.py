@@ -86,6 +86,16 @@ def test_a_file_without_colors(tmp_path: Path) -> None:
         assert load_cloud(write(tmp_path, "a.las", las(point_format=point_format))).colors is None
 
 
+@pytest.mark.parametrize("is_on_map", [True, False])
+def test_only_on_a_map_the_file_says_that_z_points_up(tmp_path: Path, caplog, is_on_map: bool) -> None:
+    rng = np.random.default_rng(5)
+    ground, trees = (rng.uniform([-60, 0, -60], [60, high, 60], (900, 3)) for high in (0.2, 9.0))
+    records = (geo_keys(k3076=9001),) if is_on_map else ()
+    cloud = load_cloud(write(tmp_path, "a.las", las(np.concatenate([ground, trees]), vlrs=records)))
+    assert cloud.up == ("z" if is_on_map else None)
+    assert ("y is taken for up" in caplog.text) == (not is_on_map)
+
+
 def test_noise_and_withheld_points_are_dropped_and_counted(tmp_path: Path, caplog) -> None:
     kinds, withheld = np.zeros(40, np.uint8), np.zeros(40, np.uint8)
     kinds[[3, 4]], withheld[9] = (7, 18), 1
