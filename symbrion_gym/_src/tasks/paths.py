@@ -19,7 +19,7 @@ from symbrion_gym._src.tasks.route import (
     find_tail,
 )
 from symbrion_gym._src.traversability.footprint import Footprint
-from symbrion_gym._src.traversability.routes import DrivingRoute, Place, find_driving_route, find_straight_way
+from symbrion_gym._src.traversability.routes import DrivingRoute, Place, find_driving_route, find_nearest_level, find_straight_way
 
 MAX_CORNERS = 64  # Most corners of a path
 _CORNER = 0.05  # A path is simplified by no more than this [m]
@@ -32,6 +32,7 @@ class PathRoute(Route):
     # (x, y) of the points to head for, one after the other, the last is the goal [m]
     corners: tuple[tuple[float, float], ...] = ()
     is_place: tuple[bool, ...] = ()  # whether each of them has to be reached exactly, or only shows the way
+    room: tuple[float, ...] = ()  # from each of them to what the body's reach has to keep off [m]
 
 
 def find_path(
@@ -55,11 +56,13 @@ def find_path(
         leg = find_driving_route(ground, here, place, arena.name, distance, friction=friction)
         legs.append(leg)
         here = leg.goal
-    corners, is_place = [], []
+    corners, is_place, room = [], [], []
     for leg in legs:
-        line = _simplify(leg.path[:, :2])[1:]
-        corners += [(float(x), float(y)) for x, y in line]
+        line = _simplify(leg.path)[1:]
+        corners += [(float(x), float(y)) for x, y, _ in line]
         is_place += [False] * (len(line) - 1) + [True]
+        around = ground.wall_distance[find_nearest_level(ground, line[:, :2], line[:, 2])]
+        room += (around - ground.footprint.reach).tolist()
     if len(corners) > MAX_CORNERS:
         raise ArenaError(
             f"the path has {len(corners)} corners, more than {MAX_CORNERS}; give places that are nearer"
@@ -81,14 +84,15 @@ def find_path(
         start_height=z if lies_under else None,
         corners=tuple(corners),
         is_place=tuple(is_place),
+        room=tuple(room),
     )
 
 
-def _simplify(line: Float[np.ndarray, "W 2"]) -> Float[np.ndarray, "C 2"]:
-    """Return the corners of a line: no point of it is farther than 5 cm from them (Douglas and Peucker 1973)."""
+def _simplify(line: Float[np.ndarray, "W 3"]) -> Float[np.ndarray, "C 3"]:
+    """Return the corners of a line: in plan no point of it is farther than 5 cm from them (Douglas and Peucker 1973)."""
     if len(line) < 3:
         return line
-    ahead, offset = line[-1] - line[0], line - line[0]
+    ahead, offset = (line[-1] - line[0])[:2], (line - line[0])[:, :2]
     share = np.clip(offset @ ahead / max(float(ahead @ ahead), 1e-12), 0.0, 1.0)
     away = np.linalg.norm(offset - share[:, None] * ahead, axis=1)
     worst = int(np.argmax(away))

@@ -18,7 +18,9 @@ from symbrion_gym._src.tasks.state import TaskState
 
 _ROOM = 0.5
 """At the start a body is farther from its goal than counts as there, by at least this share of a module's length."""
-_PASSING = 2.5  # A corner of the path is passed within this many lengths of a module
+_PASSING = 0.5, 2.5
+"""A corner of the path is passed within the room around it, but at least and at most so many lengths of a module: a body
+that turned earlier would cut the corner of a wall."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,8 @@ class ReachPlaces:
         """Return the corners and places of a way in turn, and how near each is passed [m], by a module's length."""
         assert isinstance(route, PathRoute)
         tolerance = length if self.tolerance is None else self.tolerance
-        loose = max(_PASSING * length, tolerance)
-        return np.array(route.corners), np.array([tolerance if exact else loose for exact in route.is_place])
+        room = np.clip(route.room, *np.multiply(_PASSING, length))
+        return np.array(route.corners), np.where(route.is_place, tolerance, room)
 
     def _recall(self, state: TaskState) -> tuple[Any, Any, Any, Any]:
         """Return corners `[N, C, 2]`, how near they are passed [m] `[N, C]`, the way from each to the end [m], and the
