@@ -35,6 +35,7 @@ from evolution._src.search.validation import Validation
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_extents
+from reconstruction._src.geometry.sampling import SQUARE, TALLEST, find_low
 from reconstruction._src.surfaces.far_faces import select_faces
 from symbrion_gym._src.arenas.saving import ABOUT
 from symbrion_gym._src.arenas.scanned import simulate_readings
@@ -58,7 +59,6 @@ RUN = "run"  # Folder of the evolution
 OUTPUTS = (*HALVES, RUN, PAGE)
 GENERATIONS = 30
 _SITE = 20.0  # Edge of the square of a larger scan that is used [m]: a Scout drives 10 m in 100 s
-_TALLEST, _SQUARE = 2.0, 1.0  # Readings so far above the lowest of their square of so wide meet no robot [m]
 _COLUMN, _PARTS = 0.2, 4  # Width of columns of readings [m], and parts of the edge by which squares are apart
 _MOST = 0.9  # Share of the most columns of level ground that is nearly as many
 _LEVEL = 0.05  # Lowest readings of columns side by side that differ by less are of the same level ground [m]
@@ -259,6 +259,7 @@ def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:
     """Return exact readings of a surface, which has none of its own, from over ground on which a Scout can drive."""
     ground = site.traversability(sg.snake(1))
     places = ground.positions[ground.is_drivable]
+    places = places[find_low(places)]
     chosen = np.random.default_rng(seed).permutation(len(places))[:_NUM_PLACES]
     viewpoints = places[chosen] + np.array([0.0, 0.0, _EYE])
     num_seen = len(simulate_readings(site.surface, viewpoints, _FIRST)[0])
@@ -269,14 +270,10 @@ def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:
 
 def keep_low(site: rc.Cloud) -> rc.Cloud:
     """Return the readings that a robot on the ground can meet, so that crowns and ceilings take nothing from these."""
-    height = site.points[:, 2]
-    square = np.unique(np.floor(site.points[:, :2] / _SQUARE), axis=0, return_inverse=True)[1].ravel()
-    lowest = np.full(square.max() + 1, np.inf)
-    np.minimum.at(lowest, square, height)
-    is_low = height <= lowest[square] + _TALLEST
+    is_low = find_low(site.points)
     if not is_low.all():
         text = "of %d readings %d are left out, more than %g m above the lowest of their square of %g m"
-        logger.warning(text, len(is_low), (~is_low).sum(), _TALLEST, _SQUARE)
+        logger.warning(text, len(is_low), (~is_low).sum(), TALLEST, SQUARE)
     return site.select(is_low)
 
 
@@ -487,7 +484,8 @@ def _find_confirmed(
     """
     grounds = [arena.traversability(body) for arena in arenas]
     first, room = grounds[0], 2.0 * grounds[0].footprint.reach
-    chosen: Int[np.ndarray, " N"] = np.flatnonzero(first.is_drivable & (first.wall_distance >= room))
+    is_low = find_low(first.positions)  # no roof
+    chosen: Int[np.ndarray, " N"] = np.flatnonzero(is_low & first.is_drivable & (first.wall_distance >= room))
     slope = np.nan_to_num(first.slope)
     for ground in grounds[1:]:
         places = first.positions[chosen]

@@ -19,7 +19,7 @@ from reconstruction._src.geometry.rows import (
     sum_by_owner,
     sum_rows,
 )
-from reconstruction._src.geometry.sampling import count_votes, sample_area
+from reconstruction._src.geometry.sampling import count_votes, find_low, sample_area
 
 _CUT_COST = 1.0
 """Cost of an edge of the rim, in its squared lengths, against the areas of the faces turned: a part is cut off from
@@ -43,7 +43,7 @@ _ON_FLOOR = 0.2  # What is so far from a floor is none of it [m]
 _LEAST_WALLS, _STANDING = 0.1, 3.0
 """Walls of at least this share of the surface, so many times more of them below its floor than on it, hang."""
 _LOWEST = 0.15  # The bottom of a surface is this share of its height
-_NUM_SAMPLES = 1000  # Places of the rest of which half must be in a room
+_NUM_SAMPLES = 1000  # Places that stand for an area
 _LARGEST = 2.0**30  # Flows are 32-bit integers; the sum of the capacities at a face stays below
 
 
@@ -243,13 +243,18 @@ def find_axis_doubt(areas: Float[np.ndarray, "F 3"]) -> str:
     return f"z may not point up: {along:.0f} % of the surface is level along {'xy'[axis]}, {upright:.0f} % along z"
 
 
-def find_side_doubt(areas: Float[np.ndarray, "F 3"], middles: Float[np.ndarray, "F 3"]) -> str:
-    """Return in words why a surface may be seen from the wrong side; nothing where its walls stand on its floor."""
+def find_side_doubt(vertices: Vertices, faces: Faces) -> str:
+    """Return in words why a surface may be seen from the wrong side; nothing where its walls stand on its floor.
+
+    A roof far above ground is no floor.
+    """
+    areas, middles = compute_area_vectors(vertices, faces), vertices[faces].mean(axis=1)
     size = compute_lengths(areas)
-    upward = np.where(areas[:, 2] > _LEVEL * size, size, 0.0)
-    order = np.argsort(middles[:, 2])
-    floor = np.searchsorted(np.cumsum(upward[order]), upward.sum() / 2)
-    rise = middles[:, 2] - middles[order[floor], 2]
+    upward = faces[areas[:, 2] > _LEVEL * size]
+    if not len(upward):
+        return ""
+    level = sample_area(vertices, upward, _NUM_SAMPLES)
+    rise = middles[:, 2] - np.median(level[find_low(level), 2])
     walls = np.where(np.abs(areas[:, 2]) < _UPRIGHT * size, size, 0.0)
     hung, stood = float(walls[rise < -_ON_FLOOR].sum()), float(walls[rise > _ON_FLOOR].sum())
     if hung < max(_LEAST_WALLS * size.sum(), _STANDING * stood):

@@ -34,6 +34,7 @@ _DEPTH_MARGIN = 0.25
 """A point is hidden where it is farther than the nearest one in its direction by more than this share: on a floor
 seen at a low angle ranges in one direction differ by as much."""
 _NUM_CANDIDATES = 8  # As many of the nearest viewpoints are tried for each point
+TALLEST, SQUARE = 2.0, 1.0  # What is so far above the lowest of its square of so wide meets no robot [m]
 _MARGIN = 1e-3  # Reach of a grid beyond the corners [m]: what ends at them is seen from both sides
 
 
@@ -48,6 +49,14 @@ def sample_area(
     root, split = np.sqrt(rng.random((num_samples, 1))), rng.random((num_samples, 1))
     a, b, c = (vertices[faces[face, k]] for k in range(3))
     return (1 - root) * a + root * (1 - split) * b + root * split * c
+
+
+def find_low(points: Points) -> Bool[np.ndarray, " N"]:
+    """Return the points that robots on the ground may meet: none is far above the lowest of its square."""
+    square = np.unique(np.floor(points[:, :2] / SQUARE), axis=0, return_inverse=True)[1].ravel()
+    lowest = np.full(square.max(initial=-1) + 1, np.inf)
+    np.minimum.at(lowest, square, points[:, 2])
+    return points[:, 2] <= lowest[square] + TALLEST
 
 
 def sample_surface(

@@ -107,10 +107,10 @@ def _weigh(
 
 def _judge_up(surface: trimesh.Trimesh, is_upright: bool) -> Iterator[Reason]:
     """Yield a doubt about the axis that points up; a closed body is as its file winds it."""
-    areas, middles = compute_area_vectors(surface.vertices, surface.faces), surface.triangles_center
-    doubt = (not is_upright and find_axis_doubt(areas)) or (
-        "" if surface.is_watertight else find_side_doubt(areas, middles)
-    )
+    vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
+    doubt = "" if is_upright else find_axis_doubt(compute_area_vectors(vertices, faces))
+    if not doubt and not surface.is_watertight:
+        doubt = find_side_doubt(vertices, faces)
     if doubt:
         remedy = "give the axis that points up by --up, or where the scanner stood by --viewpoint; turn a tilted scan"
         yield Reason("up_axis", 1.0, "no", doubt, remedy)

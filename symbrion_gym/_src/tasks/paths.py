@@ -19,7 +19,13 @@ from symbrion_gym._src.tasks.route import (
     find_tail,
 )
 from symbrion_gym._src.traversability.footprint import Footprint
-from symbrion_gym._src.traversability.routes import DrivingRoute, Place, find_driving_route, find_nearest_level, find_straight_way
+from symbrion_gym._src.traversability.routes import (
+    DrivingRoute,
+    Place,
+    find_driving_route,
+    find_nearest_level,
+    find_straight_way,
+)
 
 MAX_CORNERS = 64  # Most corners of a path
 _CORNER = 0.05  # A path is simplified by no more than this [m]
@@ -89,7 +95,7 @@ def find_path(
 
 
 def _simplify(line: Float[np.ndarray, "W 3"]) -> Float[np.ndarray, "C 3"]:
-    """Return the corners of a line: in plan no point of it is farther than 5 cm from them (Douglas and Peucker 1973)."""
+    """Return the corners of a line: in plan none of its points is over 5 cm from them (Douglas and Peucker 1973)."""
     if len(line) < 3:
         return line
     ahead, offset = (line[-1] - line[0])[:2], (line - line[0])[:, :2]

@@ -19,8 +19,8 @@ from symbrion_gym._src.tasks.state import TaskState
 _ROOM = 0.5
 """At the start a body is farther from its goal than counts as there, by at least this share of a module's length."""
 _PASSING = 0.5, 2.5
-"""A corner of the path is passed within the room around it, but at least and at most so many lengths of a module: a body
-that turned earlier would cut the corner of a wall."""
+"""A corner of the path is passed within the room around it, but at least and at most so many lengths of a module: who
+turned earlier would cut the corner of a wall."""
 
 
 @dataclass(frozen=True)

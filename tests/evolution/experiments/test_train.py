@@ -142,6 +142,18 @@ def test_crowns_and_ceilings_are_left_out_and_trunks_and_slopes_are_not(caplog) 
     assert f"{len(plan) + len(trunk) - kept.num_points} are left out" in caplog.text
 
 
+def test_ways_and_places_to_scan_from_are_in_a_house_and_not_on_its_roof() -> None:
+    bounds = [((-1, -1, -0.1), (1, 1, 0)), ((-1.1, -1.1, 2.4), (1.1, 1.1, 2.5))]
+    bounds += [((x, -1, 0), (x + 0.1, 1, 2.4)) for x in (-1.0, 0.9)]
+    house = sg.make_arena(trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in bounds]))
+    assert house.traversability(sg.snake(1)).positions[:, 2].max() == pytest.approx(2.5, abs=0.01)
+    places = training._find_confirmed([house, house], sg.snake(1), None)[0]
+    assert len(places)
+    assert places[:, 2].max() < 0.01
+    heights = training.scan_mesh(house, 0).viewpoints[:, 2]  # some may be on the eaves
+    assert np.median(heights) == pytest.approx(training._EYE, abs=0.01)
+
+
 def test_a_way_leads_over_the_most_level_ground_that_both_models_confirm() -> None:
     x, y = np.meshgrid(np.linspace(-3, 3, 121), np.linspace(-1, 1, 41), indexing="ij")
     bumps = np.where(x < 0, 0.02 * np.sin(8 * x) * np.sin(8 * y), 0.0)

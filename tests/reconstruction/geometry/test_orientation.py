@@ -86,13 +86,29 @@ def test_walls_stand_on_a_floor_or_it_is_seen_from_the_wrong_side():
     room.update_faces(room.triangles_center[:, 2] < 1.2)  # no ceiling
     room.invert()
     room.apply_translation([0.0, 0.0, 1.25])
-    areas, middles = compute_area_vectors(room.vertices, room.faces), room.triangles_center
-    hanging = middles * [1.0, 1.0, -1.0]
-    assert not find_side_doubt(areas, middles)
-    assert "upside down" in find_side_doubt(areas, hanging)
-    assert not find_side_doubt(areas, 0.08 * hanging)  # too low to hang
-    both = np.concatenate([areas, areas]), np.concatenate([middles, hanging])
-    assert not find_side_doubt(*both)
+    vertices, faces = np.asarray(room.vertices), np.asarray(room.faces)
+    hanging = vertices * [1.0, 1.0, -1.0]  # the floor still looks up
+    assert not find_side_doubt(vertices, faces)
+    assert "upside down" in find_side_doubt(hanging, faces)
+    assert not find_side_doubt(0.08 * hanging, faces)  # too low to hang
+    assert not find_side_doubt(*_join((vertices, faces), (hanging, faces)))
+
+
+@pytest.mark.parametrize("has_floor", [True, False])
+def test_a_roof_is_no_floor_where_there_is_one_far_below(has_floor: bool):
+    box, roof = trimesh.creation.box([4.0, 3.0, 2.5]), trimesh.creation.box([5.0, 4.0, 0.2])
+    kept = np.abs(box.face_normals[:, 2]) < 0.5
+    if has_floor:
+        kept |= box.face_normals[:, 2] < 0.0
+    inside = np.asarray(box.vertices) - [0.0, 0.0, 1.35], np.asarray(box.faces)[kept, ::-1]
+    assert (
+        bool(find_side_doubt(*_join(inside, (np.asarray(roof.vertices), np.asarray(roof.faces)))))
+        != has_floor
+    )
+
+
+def _join(one, other):
+    return np.concatenate([one[0], other[0]]), np.concatenate([one[1], other[1] + len(one[0])])
 
 
 def test_another_axis_than_z_is_doubted_only_where_it_tells_more():
