@@ -122,7 +122,8 @@ def _judge_ground(
     """Yield what is wrong with the ground: too little to drive on, or contact that does not hold a robot there."""
     area = 0.0 if ground is None or not ground.num_regions else float(ground.region_areas[0])
     meaning = f"the largest area to drive on has {area:.2g} m²"
-    yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, "symbrion view shows it; scan more ground")
+    remedy = "symbrion view shows it; scan more ground, or say by --up which axis points up"
+    yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, remedy)
     if ground is not None and ground.grid.cell > ROBOT:
         meaning = f"its map has cells of {format_distance(ground.grid.cell)}, wider than the robot"
         remedy = "--unit if it is not in meters, --crop a part, or symbrion reconstruct --tile"
