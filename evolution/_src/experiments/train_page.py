@@ -11,7 +11,7 @@ import trimesh
 import symbrion_gym as sg
 from evolution._src.champions.playback import play
 from evolution._src.experiments.training import GOOD, TRIALS, Training
-from evolution._src.report.arena_view import draw_arena
+from evolution._src.report.arena_view import BEHIND, draw_arena, find_cover
 from evolution._src.report.body_page import describe_machine
 from evolution._src.report.figures import draw_learning_curve, draw_tracks, to_png
 from evolution._src.report.page import Page
@@ -60,10 +60,8 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, seed: i
     if len(named) > 1:  # what leads over a gap is no ground that a body can drive on
         layers, ground = ("surface", "drivable", "route"), arena.traversability(organism)
         shown = f"ground that the body can drive on, and {shown}"
-    for view, name in (("plan", "from above"), ("sides", "from two sides")):
-        figure = draw_arena(arena, layers, ground, route, organism, views=(view,))
-        caption = f"The model of training {name}: {shown} ({where})."
-        page.add_figure(to_png(figure, is_reduced=False), caption)
+    plan = draw_arena(arena, layers, ground, route, organism, views=("plan",))
+    page.add_figure(to_png(plan, is_reduced=False), f"The model of training from above: {shown} ({where}).")
     if film.frames:
         page.add_video(
             encode_video(film.frames, film.fps),
@@ -132,7 +130,9 @@ def _make_scene(arena: sg.Arena, positions: np.ndarray, source: str) -> Scene:
         focus=positions.reshape(-1, 3), command=f"symbrion train {source} --out NEW --start START --goal GOAL"
     )
     mesh, top = arena.surface, float(positions[..., 2].max()) + _HIDING
-    is_high = (mesh.face_normals[:, 2] < _STEEP) & (mesh.triangles[:, :, 2].max(axis=1) > top)
+    heights, middles = mesh.triangles[:, :, 2], positions.mean(axis=1)
+    is_high = (mesh.face_normals[:, 2] < _STEEP) & (heights.max(axis=1) > top)
+    is_high |= heights.min(axis=1) > find_cover(arena, middles) - BEHIND
     is_unseen = np.isin(np.arange(len(mesh.faces)), arena.unseen)
     for name, chosen, color, is_shown in (
         ("surface", ~is_high & ~is_unseen, _GROUND, True),

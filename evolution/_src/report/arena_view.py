@@ -34,6 +34,8 @@ from evolution._src.report.raster import (
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.arenas.spec import make_piece_colors
 from symbrion_gym._src.arenas.viewing import place_modules
+from symbrion_gym._src.contact.quality import RayMesh
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism
@@ -111,7 +113,7 @@ def draw_arena(
     views: Sequence[str] = ("sides",),
     way: Pair | None = None,
 ) -> Figure:
-    """Draw an arena from two "sides", and as a "plan"; what is seen from behind, like a ceiling, is left out.
+    """Draw an arena from two "sides", and as a "plan"; what is seen from behind, or lies above the route, is left out.
 
     What trails far off the scene is outside the picture (`find_frame`).
     """
@@ -128,8 +130,10 @@ def draw_arena(
     pieces = format_count(arena.quality.num_pieces, "contact piece")
     shape = pieces if arena.height_field is None else "a height field"
     figure.suptitle(f"{arena.name}: {shape}", fontsize=FONT)
+    cover = np.inf if route is None else find_cover(arena, route.path)
+    triangles, front = (_leave_out_above(each, cover) for each in (arena.surface.triangles, front))
     for axes, view in zip(places, sides + plans, strict=True):
-        pixels = rasterize(np.asarray(arena.surface.triangles), view)
+        pixels = rasterize(triangles, view)
         picture = _draw_surface(arena, layers, pixels, view)
         contact = rasterize(front, view)
         shown_ground = ground if "drivable" in layers else None
@@ -156,6 +160,19 @@ def draw_arena(
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=FONT)
     return figure
+
+
+def find_cover(arena: sg.Arena, path: Float[np.ndarray, "W 3"]) -> float:
+    """Return the height of the lowest surface above a way, as of a roof or a table [m]; inf under the open sky."""
+    starts = np.add(path, [0.0, 0.0, ScoutConfig.size[2]])
+    distance = RayMesh([arena.surface]).cast(starts, np.tile([0.0, 0.0, 1.0], (len(path), 1)))
+    return float((starts[:, 2] + distance).min())
+
+
+def _leave_out_above(triangles: Float[np.ndarray, "F 3 3"], height: float) -> Float[np.ndarray, "F 3 3"]:
+    """Return the triangles in their order, of those above a height one corner alone, which hides nothing."""
+    is_above = triangles[:, :, 2].min(axis=1) > height - BEHIND
+    return np.where(is_above[:, None, None], triangles[:, :1], triangles)
 
 
 def _make_figure(sides: Sequence[View], plans: Sequence[View]) -> tuple[Figure, list[Axes]]:

@@ -196,7 +196,7 @@ def find_frame(
     low, high = low - reach, high + reach
     if route is None and way is None:
         return _crop(vertices, low, high)
-    shown = np.empty((0, 3)) if route is None else route.path
+    shown = np.empty((0, 3)) if route is None else np.concatenate([route.path, [route.goal]])
     if way is not None:
         height = np.median(vertices if route is None else shown, axis=0)[2]
         shown = np.concatenate([shown, np.column_stack([np.array(way), np.full(2, height)])])
@@ -205,6 +205,9 @@ def find_frame(
     if extent < _SMALL * float((high - low)[:2].max()):
         around = max(_AROUND * extent, _LEAST_AROUND)
         low, high = np.maximum(low, begin - around), np.minimum(high, end + around)
+        (x0, x1), (y0, y1) = np.clip([low, high], vertices.min(axis=0), vertices.max(axis=0))[:, :2].T
+        corners = [(x, y, begin[2]) for x in (x0, x1) for y in (y0, y1)]  # of large triangles no vertex is near
+        return np.concatenate([vertices[find_inside(vertices, low, high)], shown, corners])
     return np.concatenate([_crop(vertices, low, high), shown])
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -95,6 +96,24 @@ def test_the_star_is_the_goal_wherever_the_path_ends(truth: sg.Arena) -> None:
     lines = draw_arena(truth, ("surface", "route"), None, back).axes[0].lines
     star, circle = [next(line for line in lines if line.get_marker() == marker) for marker in "*o"]
     assert star.get_xydata() == pytest.approx(circle.get_xydata())
+
+
+def test_a_way_in_a_house_is_seen_through_its_roof_with_ground_and_goal_around_it() -> None:
+    bounds = ((-3, -3, -0.1), (3, 3, 0)), ((-3, -3, 2.4), (3, 3, 2.5))
+    house = sg.make_arena(trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in bounds]))
+    route = house.find_route(start=(0, 0, 0), goal=(0.5, 0, 0))
+    cut = replace(route, path=route.path[:4])  # one that drove there stops before the goal
+    figure = draw_arena(house, ("surface", "drivable", "route"), house.traversability(), cut, views=("plan",))
+    (solid,) = [
+        line for line in figure.axes[0].lines if line.get_linestyle() == "-" and line.get_linewidth() == 2.0
+    ]
+    assert len(solid.get_xydata()) == len(cut.path)
+    pixels = figure.axes[0].images[0].get_array()
+    assert (pixels.max(axis=2) < 0.99).mean() > 0.9  # ground up to the edges
+    star = next(line for line in figure.axes[0].lines if line.get_marker() == "*")
+    (column, row), (height, width) = star.get_xydata()[0], pixels.shape[:2]
+    assert 0.1 * width < column < 0.9 * width
+    assert 0.1 * height < row < 0.9 * height
 
 
 def test_coordinates_are_those_of_the_view() -> None:
