@@ -206,7 +206,9 @@ def find_frame(
         around = max(_AROUND * extent, _LEAST_AROUND)
         low, high = np.maximum(low, begin - around), np.minimum(high, end + around)
         (x0, x1), (y0, y1) = np.clip([low, high], vertices.min(axis=0), vertices.max(axis=0))[:, :2].T
-        corners = [(x, y, begin[2]) for x in (x0, x1) for y in (y0, y1)]  # of large triangles no vertex is near
+        corners = [
+            (x, y, begin[2]) for x in (x0, x1) for y in (y0, y1)
+        ]  # of large triangles no vertex is near
         return np.concatenate([vertices[find_inside(vertices, low, high)], shown, corners])
     return np.concatenate([_crop(vertices, low, high), shown])
 
