@@ -149,6 +149,7 @@ def train(
     from evolution._src.experiments.train_page import write_train_page
 
     folder = Path(folder)
+    refuse_foreign_files(folder, MARKER, OUTPUTS)
     progress("reading the scan", 0.0)
     site = read_site(scan) if isinstance(scan, str | Path) else scan
     _check_inside(site, start=start, goal=goal)
@@ -160,7 +161,8 @@ def train(
         arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6), ends)
         verdict = arenas[0].verdict
         if verdict.answer == "no":
-            raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
+            text = f"{verdict}; symbrion view {folder / HALVES[0]} shows it"
+            raise RunError(f"{text}; symbrion train takes the folder of a better arena, too")
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
         run = evolve_or_resume(config, _part(progress, 0.6, 0.85))
         progress("judging the champion", 0.85)
@@ -168,19 +170,24 @@ def train(
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
         result = Training(folder, arenas[0], arenas[1], verdict, run, held, folder / PAGE)
         progress("writing the page", 0.9)
-        write_train_page(result, list(known.values())[-1], source, seed)
+        write_train_page(
+            result, list(known.values())[-1], source, f"{_format_options(options)} --seed {seed}"
+        )
         progress("done", 1.0)
         return result
+
+
+def _format_options(options: dict[str, Any]) -> str:
+    """Return options as a command line has them."""
+    given = {name: np.atleast_1d(value).tolist() for name, value in options.items() if value is not None}
+    return " ".join(f"--{name} {' '.join(map(str, values))}" for name, values in given.items())
 
 
 def _check_inside(site: Site, **ends: Place | None) -> None:
     """Refuse a start or goal beside what was scanned, or a goal at the start."""
     if ends["start"] is not None and ends["start"] == ends["goal"]:
         raise RunError(f"start and goal are the same place {ends['start']}; move one of them")
-    if isinstance(site, sg.Arena):
-        places = np.asarray(site.surface.bounds)
-    else:
-        places = site.points if isinstance(site, rc.Cloud) else site.points()
+    places = _find_places(site)
     low, high = places.min(axis=0), places.max(axis=0)
     for name, place in ends.items():
         if place is not None and not ((low[:2] <= place[:2]) & (place[:2] <= high[:2])).all():
@@ -188,6 +195,13 @@ def _check_inside(site: Site, **ends: Place | None) -> None:
                 f"the {name} ({place[0]:g}, {place[1]:g}) lies beside the scan, which extends over "
                 f"{format_extents(low[:2], high[:2])}"
             )
+
+
+def _find_places(site: Site) -> Float[np.ndarray, "N 3"]:
+    """Return points of a site, those at its ends among them [m]."""
+    if isinstance(site, sg.Arena):
+        return np.asarray(site.surface.bounds)
+    return site.points if isinstance(site, rc.Cloud) else site.points()
 
 
 def _claim(folder: Path, options: dict[str, Any]) -> None:
@@ -314,6 +328,7 @@ def make_models(
     that the other, or the mesh, does not confirm are `unseen`.
     """
     folders = [folder / name for name in HALVES]
+    ends = ends if np.ptp(_find_places(site)[:, :2], axis=0).max() > _SITE else ()
     of = f"{_digest(site)} {seed} {ends}"
     if not (folders[1] / ABOUT).is_file() or sg.Arena.load(folders[1]).provenance.get("models_of") != of:
         if isinstance(site, sg.Arena):

@@ -28,19 +28,19 @@ _STEEP, _HIDING = 0.5, 0.8
 than tables and chairs do."""
 
 
-def write_train_page(result: Training, judged_in: sg.Arena, source: str, seed: int) -> None:
+def write_train_page(result: Training, judged_in: sg.Arena, source: str, options: str) -> None:
     """Write the page of a training as one self-contained HTML file, with a film in the last arena that judges."""
     run, arena, config = result.run, result.arena, result.run.config
     champion = run.champion
     assert champion is not None
-    film = play(champion, judged_in, seed, film=True)
+    film = play(champion, judged_in, config.seed, film=True)
     body, where = format_count(champion.modules, "module"), list(result.held)[-1]
     organism = champion.find_organism()
     page = Page(
         "From a scan to a robot that drives there",
         summary=f"{_describe_models(result)} A controller evolves from zero in the first; whether it drives is judged "
         "in the other, which evolution never saw.",
-        footer=f"symbrion train {source} --seed {seed} · {describe_machine()}",
+        footer=f"symbrion train {source} {options} · {describe_machine()}",
     )
     for name, model in (("training", arena), ("other half", result.other)):
         good = {"yes": True, "in part": None}.get(model.verdict.answer, False)
@@ -51,7 +51,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, seed: i
     for fault in result.list_faults():
         page.add_verdict(f"{fault[0].upper()}{fault[1:]}.", good=False)
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
-    named = [f"({each[0]:.2f}, {each[1]:.2f})" for each in places if isinstance(each, tuple)]
+    named = [f"({', '.join(f'{value:.2f}' for value in each)})" for each in places if isinstance(each, tuple)]
     goal = config.goal if isinstance(config.goal, tuple) else None
     route = _make_route(film.positions, organism.scout.size[2], goal)
     way = f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."

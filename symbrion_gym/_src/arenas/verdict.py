@@ -122,6 +122,11 @@ def _judge_ground(
     """Yield what is wrong with the ground: too little to drive on, or contact that does not hold a robot there."""
     area = 0.0 if ground is None or not ground.num_regions else float(ground.region_areas[0])
     meaning = f"the largest area to drive on has {area:.2g} m²"
+    if not area and ground is not None and len(ground.cell):
+        wide, needed = (2 * each for each in (ground.wall_distance.max(), ground.footprint.reach))
+        meaning += (
+            f": level ground is {wide:.2f} m wide at most between walls and rims, of {needed:.2f} m needed"
+        )
     remedy = "symbrion view shows it; scan more ground, or say by --up which axis points up"
     yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, remedy)
     if ground is not None and ground.grid.cell > ROBOT:

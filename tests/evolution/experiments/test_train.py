@@ -230,6 +230,19 @@ def test_an_axis_that_is_given_makes_it_another_scan() -> None:
     assert training._digest(scan) != training._digest(replace(scan, up="z"))
 
 
+def test_options_are_repeated_as_they_were_given() -> None:
+    assert (
+        training._format_options({"start": (0.5, 1), "goal": None, "seed": 3}) == "--start 0.5 1.0 --seed 3"
+    )
+    assert training._format_options({"organism": "cross:2"}) == "--organism cross:2"
+
+
+def test_files_of_others_are_refused_before_the_scan_is_read(tmp_path: Path) -> None:
+    (tmp_path / "report.html").touch()
+    with pytest.raises(ev.RunError, match=r"contains report\.html"):
+        ev.train(tmp_path / "missing.ply", tmp_path)
+
+
 def test_after_a_refusal_the_folder_takes_other_options(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -244,6 +257,7 @@ def test_after_a_refusal_the_folder_takes_other_options(
             models = training.make_models(scan, tmp_path, k)
             assert [float(np.ptp(model.surface.vertices[:, 0])) for model in models] == [k + 1.0] * 2
             monkeypatch.setattr(training, "_make_model", None)
+        assert training.make_models(scan, tmp_path, k, ends=[(0.5, 0.5)])  # as small a site is used whole
     (tmp_path / "run").mkdir()
     with pytest.raises(ev.RunError, match="other options"):
         training._claim(tmp_path, {"scan": "another"})

@@ -29,6 +29,16 @@ def test_an_exact_floor_is_good() -> None:
     assert (verdict.answer, verdict.reasons, str(verdict)) == ("yes", (), "good for a robot of 0.105 m: yes")
 
 
+def test_ground_that_is_too_narrow_says_how_wide_it_is() -> None:
+    boxes = [((-1, -0.06, -0.1), (1, 0.06, 0))]
+    boxes += [((-1, low, -0.1), (1, low + 0.1, 0.3)) for low in (-0.16, 0.06)]
+    lane = sg.make_arena(
+        trimesh.boolean.union([trimesh.creation.box(bounds=each) for each in boxes]), cache=False
+    )
+    assert lane.verdict.answer == "no"
+    assert "m wide at most between walls and rims, of 0.15 m needed" in str(lane.verdict)
+
+
 @pytest.mark.parametrize(
     ("shift", "changes", "figure", "answer"),
     [

@@ -152,7 +152,7 @@ def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
     for where, arena in (("training", result.arena), ("other half", result.other)):
         console.print_line(f"model, {where}: {arena.verdict}")
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
-    way = " to ".join(str(place[:2]) for place in places) if config.goal else "across the gap"
+    way = " to ".join(map(str, places)) if config.goal else "across the gap"
     console.print_line(f"way of {format_count(config.modules, 'module', 'modules')}: {way}")
     for where, drivers in result.held.items():
         counts = ", ".join(f"{name} {count}" for name, count in drivers.items())
