@@ -4,7 +4,8 @@
 
 The surface is made of all readings, and the arena with the defaults. 100 spheres and 100 boxes of a Scout's size fall
 from 6 cm above level surface that has a reading within 10 cm, and have to rest within 2 cm of the surface; a Scout
-drives 20 ways that the arena proposes from places drawn at random; it is told where the next corner is.
+follows 20 ways that the arena proposes from places drawn at random, and has to end upright within its length of the
+goal: it heads for the next point of the way that is 8 cm ahead, by its true pose.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from benchmarks.evidence.judge import measure_distances
 from benchmarks.material.made_scenes import SCENES
 from benchmarks.material.scan_sources import PUBLIC, MissingScanError, find_folders, load_case
 from symbrion_gym._src.assets import NAMED_ARENAS
+from symbrion_gym._src.traversability.routes import DrivingRoute
 
 FALL, REST = 0.06, 0.02
 """Height from which bodies fall, and distance from the surface at which they rest on it [m]."""
@@ -32,6 +34,8 @@ SEEN = 0.10
 RADIUS, HALF = 0.03, 0.0525
 """Of spheres, and half the edge of boxes [m]."""
 LEVEL = np.cos(np.deg2rad(15.0))
+ARRIVED, AHEAD, UPRIGHT = 0.105, 0.08, 0.5
+"""Of a Scout that follows a way: how near the goal it ends and how far ahead it looks [m]; z of its up axis."""
 SECONDS = 2.0
 """Bodies fall and rest for this long [s]."""
 
@@ -96,25 +100,32 @@ def drive(arena: sg.Arena, count: int) -> tuple[int, int]:
         tried += 1
         try:
             route = arena.find_route(start=start, max_length=3.0)
-            arrived += _drive(arena, route.start, route.goal, tried)
+            arrived += _follow(arena, route, tried)
         except ValueError as error:
             print(f"    refused: {error}", flush=True)
     return arrived, tried
 
 
-def _drive(arena: sg.Arena, start: tuple[float, ...], goal: tuple[float, ...], seed: int) -> bool:
+def _follow(arena: sg.Arena, route: DrivingRoute, seed: int) -> bool:
     env = sg.OrganismEnv(
-        arena=arena, task="reach", organism=1, start=start, goal=goal, track_control="skid",
-        sensors=("goal",),
+        arena=arena, task="reach", organism=1, start=route.start, goal=route.goal, track_control="skid",
+        stuck_time=1e3,
     )  # fmt: skip
-    (ahead, left), _ = env.reset(seed=seed)
-    done, info = False, {}
+    env.reset(seed=seed)
+    points, number, done = route.path[:, :2], 0, False
     while not done:
-        turn = np.clip(np.arctan2(left, ahead), -1.0, 1.0)
+        place, rotation = env.physics.position[0, 0], env.physics.rotation[0, 0].reshape(3, 3)
+        if np.linalg.norm(place[:2] - points[-1]) < ARRIVED and rotation[2, 2] > UPRIGHT:
+            return True
+        while number < len(points) - 1 and np.linalg.norm(points[number] - place[:2]) < AHEAD:
+            number += 1
+        x, y = points[number] - place[:2]
+        turn = np.arctan2(y, x) - np.arctan2(rotation[1, 0], rotation[0, 0])
+        turn = np.clip((turn + np.pi) % (2 * np.pi) - np.pi, -1.0, 1.0)
         speed = 1.0 - abs(turn)
-        (ahead, left), _, terminated, truncated, info = env.step(np.array([speed - turn, speed + turn]))
+        _, _, terminated, truncated, _ = env.step(np.array([speed - turn, speed + turn]))
         done = terminated or truncated
-    return bool(info["success"])
+    return False
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from symbrion_gym._src.environment.world import Physics, World, make_slice
 from symbrion_gym._src.robot.organism import MEASURED, Organism
 from symbrion_gym._src.robot.scout import find_road_wheels
 from symbrion_gym._src.robot.scout_constants import SensorNoise
-from symbrion_gym._src.tasks.reach import ReachPlaces
+from symbrion_gym._src.tasks.reach import ReachPlaces, find_passing
 from symbrion_gym._src.tasks.state import add_up
 
 _LARGEST_RATE = 20.0  # Bound of the hinges' rates [rad/s], beyond what their servos reach
@@ -194,12 +194,11 @@ class DeadReckoning:
         )
         self.start = np.array([*route.place(route.start), route.heading])  # on the map [m, rad]
         if isinstance(goal, ReachPlaces):
-            self._places, self._radii = goal.list_places(route, organism.scout.size[0])
-            self._radii *= np.where(route.is_place, _NEARER, 1.0)
+            self._legs = goal.list_legs(route, organism.scout.size[0])
+            self._legs[:, 4] *= np.where(route.is_place, _NEARER, 1.0)
         else:
-            self._places = np.array([route.place(min(route.finish, route.start + _FAR))])
-            self._radii = np.zeros(1)
-        self._radii[-1] = -1.0  # the last place is never passed
+            self._legs = np.array([[*route.place(min(route.finish, route.start + _FAR)), 0.0, 0.0, 0.0]])
+        self._legs[-1, 4] = -1.0  # the last place is never passed
 
     def move(
         self, pose: Float[Any, "N 3"], rotation: Float[Any, "N n 9"], way: Float[Any, "N tracks"], xp: Any
@@ -218,13 +217,12 @@ class DeadReckoning:
         self, pose: Float[Any, "N 3"], headed: Int[Any, " N"], xp: Any
     ) -> tuple[Int[Any, " N"], Float[Any, "N 2"]]:
         """Return the number of the place that each body heads for, and its bearing [rad] and distance [m]."""
-        places, radii = xp.asarray(self._places), xp.asarray(self._radii)
+        legs = xp.asarray(self._legs)
         c, s = xp.cos(pose[:, 2]), xp.sin(pose[:, 2])
         ahead, left = self._middle
-        x, y = (places[headed] - pose[:, :2]).T
-        away = xp.hypot(x + c * ahead - s * left, y + s * ahead + c * left)
-        headed = headed + (away <= radii[headed])
-        x, y = (places[headed] - pose[:, :2]).T
+        middle = pose[:, :2] - xp.stack([c * ahead - s * left, s * ahead + c * left], axis=1)
+        headed = headed + find_passing(legs[headed], middle, xp)
+        x, y = (legs[headed, :2] - pose[:, :2]).T
         direction = xp.stack([xp.arctan2(c * y - s * x, c * x + s * y), xp.hypot(x, y)], axis=1)
         return headed, direction
 

@@ -38,7 +38,9 @@ class PathRoute(Route):
     # (x, y) of the points to head for, one after the other, the last is the goal [m]
     corners: tuple[tuple[float, float], ...] = ()
     is_place: tuple[bool, ...] = ()  # whether each of them has to be reached exactly, or only shows the way
-    room: tuple[float, ...] = ()  # from each of them to what the body's reach has to keep off [m]
+    room: tuple[
+        float, ...
+    ] = ()  # from the way between each and the next to what the body's reach has to keep off [m]
 
 
 def find_path(
@@ -64,11 +66,12 @@ def find_path(
         here = leg.goal
     corners, is_place, room = [], [], []
     for leg in legs:
-        line = _simplify(leg.path)[1:]
-        corners += [(float(x), float(y)) for x, y, _ in line]
-        is_place += [False] * (len(line) - 1) + [True]
-        around = ground.wall_distance[find_nearest_level(ground, line[:, :2], line[:, 2])]
-        room += (around - ground.footprint.reach).tolist()
+        turns = _simplify(leg.path)[1:]
+        corners += [(float(x), float(y)) for x, y, _ in leg.path[turns]]
+        is_place += [False] * (len(turns) - 1) + [True]
+        around = ground.wall_distance[find_nearest_level(ground, leg.path[:, :2], leg.path[:, 2])]
+        least = np.minimum(np.minimum.reduceat(around, turns), around[[*turns[1:], -1]])
+        room += (least - ground.footprint.reach).tolist()
     if len(corners) > MAX_CORNERS:
         raise ArenaError(
             f"the path has {len(corners)} corners, more than {MAX_CORNERS}; give places that are nearer"
@@ -94,17 +97,19 @@ def find_path(
     )
 
 
-def _simplify(line: Float[np.ndarray, "W 3"]) -> Float[np.ndarray, "C 3"]:
-    """Return the corners of a line: in plan none of its points is over 5 cm from them (Douglas and Peucker 1973)."""
+def _simplify(line: Float[np.ndarray, "W 3"], first: int = 0) -> list[int]:
+    """Return the numbers of the corners of a line, with both ends: in plan none of its points is over 5 cm from the
+    lines between them (Douglas and Peucker 1973)."""
+    ends = [first, first + len(line) - 1]
     if len(line) < 3:
-        return line
+        return ends
     ahead, offset = (line[-1] - line[0])[:2], (line - line[0])[:, :2]
     share = np.clip(offset @ ahead / max(float(ahead @ ahead), 1e-12), 0.0, 1.0)
     away = np.linalg.norm(offset - share[:, None] * ahead, axis=1)
     worst = int(np.argmax(away))
     if away[worst] <= _CORNER:
-        return line[[0, -1]]
-    return np.concatenate([_simplify(line[: worst + 1])[:-1], _simplify(line[worst:])])
+        return ends
+    return _simplify(line[: worst + 1], first)[:-1] + _simplify(line[worst:], first + worst)
 
 
 _END_ROOM = 0.1  # Room for nose and tail at the ends of a way that is proposed [m]

@@ -18,9 +18,10 @@ from symbrion_gym._src.tasks.state import TaskState
 
 _ROOM = 0.5
 """At the start a body is farther from its goal than counts as there, by at least this share of a module's length."""
+_TINY = 1e-12  # A leg of no length has no direction; its square [m²]
 _PASSING = 0.5, 2.5
-"""A corner of the path is passed within the room around it, but at least and at most so many lengths of a module: who
-turned earlier would cut the corner of a wall."""
+"""A corner of the path is passed by who is as near to the way from it to the next corner as there is room all along
+that way, but at least and at most so many lengths of a module: from there nothing stands between body and corner."""
 
 
 @dataclass(frozen=True)
@@ -68,66 +69,71 @@ class ReachPlaces:
         """Return how near a place is reached [m]."""
         return organism.scout.size[0] if self.tolerance is None else self.tolerance
 
-    def list_places(
-        self, route: Route, length: float
-    ) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
-        """Return the corners and places of a way in turn, and how near each is passed [m], by a module's length."""
+    def list_legs(self, route: Route, length: float) -> Float[np.ndarray, "C 5"]:
+        """Return the corners and places of a way in turn (x, y), the way from each that also passes it (0, 0 at a
+        place), and how near it is passed [m], by a module's length."""
         assert isinstance(route, PathRoute)
+        corners, is_place = np.array(route.corners), np.array(route.is_place)
+        ways = np.append(np.diff(corners, axis=0), [[0.0, 0.0]], axis=0) * ~is_place[:, None]
         tolerance = length if self.tolerance is None else self.tolerance
         room = np.clip(route.room, *np.multiply(_PASSING, length))
-        return np.array(route.corners), np.where(route.is_place, tolerance, room)
+        return np.column_stack([corners, ways, np.where(is_place, tolerance, room)])
 
-    def _recall(self, state: TaskState) -> tuple[Any, Any, Any, Any]:
-        """Return corners `[N, C, 2]`, how near they are passed [m] `[N, C]`, the way from each to the end [m], and the
-        number of the one that each body heads for."""
+    def _recall(self, state: TaskState) -> tuple[Any, Any, Any]:
+        """Return legs `[N, C, 5]`, the way from each corner to the end `[N, C]` [m], and the number of the corner that
+        each body heads for."""
         path = state.remember("reach_path", self._list_paths)
-        return path[:, :, :2], path[:, :, 2], path[:, :, 3], state.remember("reach_number", 0)
+        return path[:, :, :5], path[:, :, 5], state.remember("reach_number", 0)
 
-    def _list_paths(self, state: TaskState) -> Float[np.ndarray, "N C 4"]:
+    def _list_paths(self, state: TaskState) -> Float[np.ndarray, "N C 6"]:
         """Return the path of each simulation, the last corner repeated to `MAX_CORNERS`."""
-        corners, radii = self.list_places(state.scene.route, state.organism.scout.size[0])
-        number = np.minimum(np.arange(MAX_CORNERS), len(corners) - 1)
-        path = np.zeros((MAX_CORNERS, 4))
-        path[:, :2], path[:, 2] = corners[number], radii[number]
-        legs = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
-        path[:-1, 3] = np.cumsum(legs[::-1])[::-1]
+        legs = self.list_legs(state.scene.route, state.organism.scout.size[0])
+        path = np.zeros((MAX_CORNERS, 6))
+        path[:, :5] = legs[np.minimum(np.arange(MAX_CORNERS), len(legs) - 1)]
+        lengths = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
+        path[:-1, 5] = np.cumsum(lengths[::-1])[::-1]
         return np.tile(path, (state.num, 1, 1))
 
     def find_target(self, state: TaskState) -> Float[Any, "N 2"]:
         """Return (x, y) of the corner or place that each body heads for [m]."""
-        corners, _, _, number = self._recall(state)
-        return corners[np.arange(state.num), number]
+        legs, _, number = self._recall(state)
+        return legs[np.arange(state.num), number, :2]
 
     def progress(self, state: TaskState) -> Float[Any, " N"]:
         """Return the way from the middle of each body along the path to its end, below 0 [m]; corners that were passed
         count."""
-        corners, radius, rest, number = self._recall(state)
-        rows = np.arange(state.num)
-        gap = state.xp.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
-        passes = (gap <= radius[rows, number]) & (rest[rows, number] > 0.0)
+        legs, rest, number = self._recall(state)
+        rows, middle = np.arange(state.num), state.middle[:, :2]
+        passes = find_passing(legs[rows, number], middle, state.xp) & (rest[rows, number] > 0.0)
         if state.may_hold(passes):
             state.keep("reach_number", number + 1, passes)
             number = state.remember("reach_number", 0)
-            gap = state.xp.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
-        return -(gap + rest[rows, number])
+        return -(state.xp.hypot(*(legs[rows, number, :2] - middle).T) + rest[rows, number])
 
     def limits(self, state: TaskState) -> dict[str, float]:
         return {"progress": -self.find_tolerance(state.organism)}
 
     def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether the middle is at the last place, every module about it, upright and on the ground."""
-        corners, tolerance = self._recall(state)[0], self.find_tolerance(state.organism)
+        legs, tolerance = self._recall(state)[0], self.find_tolerance(state.organism)
 
         def is_about(rows: Int[Any, " M"]) -> Bool[Any, " M"]:
             # How far the farthest module is from the middle when the body lies straight [m].
             modules = np.array([(pose.x, pose.y) for pose in state.organism.compute_poses()])
             size = float(np.linalg.norm(modules - modules.mean(axis=0), axis=1).max())
-            offset = state.position[rows, :, :2] - corners[rows, -1][:, None]
+            offset = state.position[rows, :, :2] - legs[rows, -1, None, :2]
             away = state.xp.linalg.norm(offset, axis=2).max(axis=1)
             return (away <= tolerance + size) & find_standing(state, rows)
 
         has_arrived = (state.progress >= -tolerance) & find_honest(state)
         return state.confirm(has_arrived, is_about)
+
+
+def find_passing(legs: Float[Any, "N 5"], middle: Float[Any, "N 2"], xp: Any) -> Bool[Any, " N"]:
+    """Return which bodies are near enough to a leg of their way, as `ReachPlaces.list_legs` returns it."""
+    offset, way = middle - legs[:, :2], legs[:, 2:4]
+    share = (offset * way).sum(axis=1) / xp.maximum((way**2).sum(axis=1), _TINY)
+    return xp.hypot(*(offset - xp.clip(share, 0.0, 1.0)[:, None] * way).T) <= legs[:, 4]
 
 
 _STEP = 0.04  # Places before an object are tried this far apart [m]

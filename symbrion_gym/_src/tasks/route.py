@@ -136,9 +136,10 @@ def find_tail(organism: Organism) -> float:
 
 
 def find_ground_map(arena: Arena, organism: Organism) -> TraversabilityMap:
-    """Return the map of where an organism can drive, module after module along its own track."""
-    footprint = Footprint.of(organism, arena.friction)
-    return arena.traversability(replace(footprint, radius=footprint.width / 2))
+    """Return the map of where an organism can drive, module after module along its own track; each can turn."""
+    footprint, (length, width, _) = Footprint.of(organism, arena.friction), organism.scout.size
+    radius = max(footprint.width, float(np.hypot(length, width))) / 2
+    return arena.traversability(replace(footprint, radius=radius if radius < footprint.reach else None))
 
 
 def find_route(

@@ -204,9 +204,9 @@ def _select_good_ends(ground: TraversabilityMap, inside: Usable, find_seen: Find
 
 
 def _find_far(graph: csr_matrix, start: int, candidates: Numbers, most: float) -> int:
-    """Return the candidate that is farthest from the start by length of the way, up to a length."""
+    """Return the candidate that is farthest from the start by length of the way, up to a length; else the nearest."""
     distance = dijkstra(graph, indices=start)[candidates]
-    return int(candidates[np.argmax(np.where(distance <= most, distance, -1.0))])
+    return int(candidates[np.argmax(np.where(distance <= most, distance, -distance))])
 
 
 def find_nearest_level(

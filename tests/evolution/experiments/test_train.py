@@ -1,6 +1,7 @@
 """From a scan to a robot that drives there, on a small floor."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
 import evolution as ev
 import reconstruction as rc
@@ -210,9 +212,13 @@ def test_a_way_that_is_given_is_the_same_in_both_models(order: slice) -> None:
     way = next(training._list_ways(arenas, body, start, goal, np.random.default_rng(0)))
     assert (way["start"], way["goal"]) == (start, goal)
     assert max(place[1] for place in way["places"]) > 0.1
+    line = np.concatenate([np.linspace(*leg, 100) for leg in pairwise([start, *way["places"], goal])])
     for arena in arenas:
         path = find_path(arena, body, Start(start), (*way["places"], goal))
-        assert path.corners == pytest.approx(np.array([*way["places"], goal]), abs=1e-6)
+        places = np.array(path.corners)[np.array(path.is_place)]
+        assert places == pytest.approx(np.array([*way["places"], goal]), abs=1e-6)
+        away = cKDTree(line).query(path.corners)[0]
+        assert away.max() < 0.1, "a path on a grid leaves a straight line by less"
 
 
 @pytest.mark.parametrize(("end", "place"), [("goal", (500.0, 1.0)), ("start", (0.0, -9.0))])

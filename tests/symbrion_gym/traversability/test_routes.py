@@ -81,6 +81,13 @@ def test_a_given_end_stays_and_the_other_is_far_away(room):
     assert room.find_route(start=(0.5, 0.5)).heading == pytest.approx(np.pi / 4, abs=np.pi / 2)
 
 
+def test_from_a_narrow_lane_the_way_ends_at_the_nearest_place_with_room():
+    boxes = [((0.0, -1.5, -0.1), (5.0, 1.5, 0.0)), ((5.0, -0.15, -0.1), (8.0, 0.15, 0.0))]
+    arena = make_arena(trimesh.boolean.union([trimesh.creation.box(bounds=each) for each in boxes]))
+    route = arena.find_route(start=(7.8, 0.0), max_length=1.0)
+    assert 2.8 < route.length < 3.5
+
+
 def test_equal_arenas_give_equal_routes(room):
     one, other = room.find_route(), make_furnished_room().find_route()
     assert np.array_equal(one.path, other.path)
