@@ -170,9 +170,8 @@ def train(
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
         result = Training(folder, arenas[0], arenas[1], verdict, run, held, folder / PAGE)
         progress("writing the page", 0.9)
-        write_train_page(
-            result, list(known.values())[-1], source, f"{_format_options(options)} --seed {seed}"
-        )
+        judged_in = list(known.values())[-1]
+        write_train_page(result, judged_in, source, _format_options({**options, "seed": seed}))
         progress("done", 1.0)
         return result
 
@@ -330,22 +329,31 @@ def make_models(
     folders = [folder / name for name in HALVES]
     ends = ends if np.ptp(_find_places(site)[:, :2], axis=0).max() > _SITE else ()
     of = f"{_digest(site)} {seed} {ends}"
-    if not (folders[1] / ABOUT).is_file() or sg.Arena.load(folders[1]).provenance.get("models_of") != of:
+    if not _is_kept(folders[1], of):
         if isinstance(site, sg.Arena):
             is_bad = site.verdict.answer == "no"
             again = site if is_bad else _model_again(site, seed + 1, progress, ends)
             made = [site, _mark_unconfirmed(again, site)]
         else:
             halves = split_readings(keep_low(crop_large(site, ends)) if isinstance(site, rc.Cloud) else site)
-            made = [
-                _make_model(half, seed + k, HALVES[k], _part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: "))
-                for k, half in enumerate(halves)
-            ]
+            made = []
+            for k, (half, each) in enumerate(zip(halves, folders, strict=True)):
+                if not _is_kept(each, f"half of {of}"):
+                    part = _part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: ")
+                    _keep(_make_model(half, seed + k, HALVES[k], part), each, f"half of {of}")
+                made.append(sg.Arena.load(each))
             made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
-        made[1] = replace(made[1], provenance={**made[1].provenance, "models_of": of})
         for arena, each in zip(made, folders, strict=True):  # that which is asked for is the last
-            arena.save(each)
+            _keep(arena, each, of)
     return [sg.Arena.load(each) for each in folders]  # as files keep them: a resumed training reads the same
+
+
+def _is_kept(folder: Path, of: str) -> bool:
+    return (folder / ABOUT).is_file() and sg.Arena.load(folder).provenance.get("models_of") == of
+
+
+def _keep(arena: sg.Arena, folder: Path, of: str) -> None:
+    replace(arena, provenance={**arena.provenance, "models_of": of}).save(folder)
 
 
 def _model_again(site: sg.Arena, seed: int, progress: Progress, ends: Sequence[Place]) -> sg.Arena:

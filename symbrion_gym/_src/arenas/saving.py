@@ -263,7 +263,9 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
     folder = Path(folder)
     path = folder / ABOUT
     if not path.is_file():
-        raise ArenaError(f"{folder} holds no {ABOUT}: it is no arena; give an arena folder, or a file")
+        within = folder / "arena"  # as of a training
+        given = str(within) if (within / ABOUT).is_file() else "an arena folder, or a file"
+        raise ArenaError(f"{folder} holds no {ABOUT}: it is no arena; give {given}")
     try:
         content = read_json(path)
         version = content.get("format") if isinstance(content, dict) else None

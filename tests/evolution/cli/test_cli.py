@@ -99,6 +99,15 @@ def test_wrong_usage_is_one_line(words, message, capsys, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_is_in_the_folder_of_a_training_is_named(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("pump/arena/arena.json", "pump/run/config.json"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_text("{}")
+    assert "give pump/arena" in refuse(["view", "pump", "--picture", "a.png"], 1, capsys)
+    assert "give pump/run" in refuse(["replay", "pump"], 2, capsys)
+
+
 @pytest.mark.parametrize("content", ["", "nan nan nan\n" * 100, "0 0 0\n", "hello world\n", "1 2\n3 4\n"])
 def test_unusable_clouds_are_refused(content, capsys, tmp_path):
     scan = tmp_path / "scan.xyz"

@@ -67,6 +67,30 @@ def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: p
         ev.train(make_scan(seed=1), tmp_path / "mine")
 
 
+def test_who_is_interrupted_between_two_models_does_not_make_the_first_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    floors = {0: make_floor(2.0), 1: make_floor(1.9), 2: make_floor(1.8)}
+
+    def make(half: rc.Cloud, seed: int, *_: object) -> sg.Arena:
+        asked.append(seed)
+        if asked == [0, 1]:
+            raise KeyboardInterrupt
+        return floors[seed]
+
+    monkeypatch.setattr(training, "_make_model", make)
+    with pytest.raises(KeyboardInterrupt):
+        training.make_models(make_scan(), tmp_path / "a", 0)
+    resumed = training.make_models(make_scan(), tmp_path / "a", 0)
+    assert asked == [0, 1, 1]
+    for one, other in zip(resumed, training.make_models(make_scan(), tmp_path / "b", 0), strict=True):
+        assert one.unseen == other.unseen
+        np.testing.assert_array_equal(one.surface.vertices, other.surface.vertices)
+    training.make_models(make_scan(), tmp_path / "a", 1)
+    assert asked[5:] == [1, 2], "of another seed both are made again"
+
+
 @pytest.mark.slow
 def test_a_mesh_is_checked_by_the_model_of_a_scan_of_it(tmp_path: Path) -> None:
     """The scan sees a floor of few faces with a wall on it from both sides, but not the bottom of the floor."""
@@ -285,7 +309,8 @@ def test_a_champion_is_good_only_where_straight_tracks_are_not(champion, straigh
 
 def test_the_page_shows_a_room_without_what_hides_the_robot() -> None:
     box = trimesh.creation.box(bounds=((-1.0, -1.0, 0.0), (1.0, 1.0, 2.5)))
-    room = trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False)
+    roof = trimesh.creation.box(bounds=((-1.0, -1.0, 2.6), (1.0, 1.0, 2.8)))
+    room = trimesh.util.concatenate([trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False), roof])
     quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=1)
     arena = sg.Arena("room", [room], room, quality, unseen=(int(room.triangles_center[:, 2].argmin()),))
     scene = _make_scene(arena, np.full((5, 1, 3), [0.0, 0.0, 0.05]), "room.ply --up y")
@@ -296,7 +321,7 @@ def test_the_page_shows_a_room_without_what_hides_the_robot() -> None:
         "walls and ceilings": False,
     }
     heights = {name: (trace["z"].min(), trace["z"].max()) for name, (_, trace) in shown.items()}
-    assert heights == {"surface": (0, 0), "not confirmed": (0, 0), "walls and ceilings": (0, 2.5)}
+    assert heights == {"surface": (0, 0), "not confirmed": (0, 0), "walls and ceilings": (0, 2.8)}
     trace = shown["surface"][1]  # a click tells the middle of a face, which is small therefore
     corners = np.stack([trace[axis][np.stack([trace["i"], trace["j"], trace["k"]])] for axis in "xy"])
     assert np.ptp(corners, axis=1).max() < 0.16

@@ -92,3 +92,5 @@ def test_a_short_route_in_a_large_scene_is_framed_closely():
     for end in (route.start, route.goal):
         assert (low[:2] <= end[:2]).all()
         assert (high[:2] >= end[:2]).all()
+    stopped = dataclasses.replace(route, path=route.path[:2], goal=(30.0, 20.0, 0.0))
+    assert find_frame(terrain, stopped)[:, 0].max() > 30.0

@@ -182,7 +182,9 @@ def _read_value(text: str) -> Any:
 def require_run(folder: Path) -> None:
     """Refuse a folder without a run, by a `UsageError`."""
     if not (folder / "config.json").is_file():
-        raise UsageError(f"{folder} contains no run; `symbrion evolve --folder {folder}` starts one")
+        has_run = (folder / "run" / "config.json").is_file()  # as that of a training has
+        advice = f"give {folder / 'run'}" if has_run else f"`symbrion evolve --folder {folder}` starts one"
+        raise UsageError(f"{folder} contains no run; {advice}")
 
 
 def propose_resume(folder: Path) -> str:
