@@ -272,18 +272,20 @@ def fit_height_field(problem: ContactProblem, best: Contact | None) -> Contact |
     """Return the coarsest height field that follows open ground of many patches closely; None where they are few.
 
     Heights off the ground are those of the nearest place on it. The outer rows do not count: the rim of a scan is
-    ragged.
+    ragged. Where patches miss what is wanted and no field follows so closely, it is that of the kind "hfield".
     """
     if best is None or problem.shape != "terrain" or problem.surface.is_watertight:
         return None
+    is_missed = problem.compute_miss(best) > 1.0
     is_sparse = len(best.pieces) < _LEAST_DENSITY * float(np.prod(problem.surface.extents[:2]))
-    if is_sparse or best.notes["way"] == "slabs":
+    if not is_missed and (is_sparse or best.notes["way"] == "slabs"):
         return None
     for spacing in _FIELD_SPACINGS:
         field = make_height_field(problem.surface, problem.ground, spacing)
         is_known = np.isfinite(problem.ground.height(*field.find_places()))
         if min(is_known.shape) < 3 or is_known[1:-1, 1:-1].mean() < _KNOWN:
-            raise ArenaError("too much of the ground is not known for a height field")
+            reason = "too much of the ground is not known for a height field"
+            break
         nearest = np.asarray(distance_transform_edt(~is_known, return_distances=False, return_indices=True))
         made = problem.measure(
             field._replace(heights=field.heights[tuple(nearest)]), "height field", spacing=spacing
@@ -291,7 +293,11 @@ def fit_height_field(problem: ContactProblem, best: Contact | None) -> Contact |
         mean, p95 = made.quality.mean / problem.accuracy, made.quality.p95 / problem.accuracy
         if mean <= _FIELD_SHARE and p95 <= _FIELD_SHARE * ACCEPTANCE_P95:
             return made
-    raise ArenaError("no grid follows the ground closely enough for a height field")
+    else:
+        reason = "no grid follows the ground closely enough for a height field"
+    if is_missed:
+        return make_field(problem, best)
+    raise ArenaError(reason)
 
 
 def decompose_body(problem: ContactProblem, best: Contact | None) -> Contact | None:

@@ -147,6 +147,28 @@ def test_where_few_pieces_do_or_pieces_are_asked_for_there_is_no_height_field(ro
 
 
 @pytest.mark.slow
+def test_where_pieces_miss_what_is_wanted_a_height_field_is_taken_that_is_closer(rough):
+    is_far = np.linalg.norm(rough.triangles_center[:, :2] - rough.bounds.mean(axis=0)[:2], axis=1) > 0.4
+    torn = trimesh.Trimesh(rough.vertices, rough.faces[is_far], process=False)
+    for surface, is_whole in ((rough, True), (torn, False)):
+        taken, pieces = (
+            make_contact(surface, ContactOptions(max_pieces=40, kind=kind), 0.004)
+            for kind in ("auto", "convex")
+        )
+        field = taken.height_field
+        assert field is not None
+        assert taken.quality.mean < pieces.quality.mean / 2
+        assert not pieces.notes["is_reached"]
+        height = field.heights[
+            np.hypot(*(field.find_places() - rough.bounds.mean(axis=0)[:2, None, None])) < 0.3
+        ]
+        lowest = float(surface.vertices[:, 2].min())
+        assert is_whole or height == pytest.approx(lowest, abs=0.02), (
+            "where no ground is known it is the lowest"
+        )
+
+
+@pytest.mark.slow
 def test_contact_is_coarse_beyond_reach_and_as_accurate_as_before_within_it():
     rng, (u, v) = np.random.default_rng(0), np.meshgrid(np.linspace(0, 2.4, 25), np.linspace(0, 2.4, 25))
     cell = (np.arange(24)[:, None] * 25 + np.arange(24)).ravel()
