@@ -16,7 +16,6 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from symbrion_gym._src.errors import ArenaError
 
@@ -151,6 +150,10 @@ class _FaceSurface:
         rows, columns = np.concatenate([self.pairs, self.pairs[:, ::-1]]).T
         count = len(self.areas)
         self.adjacency = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
+        degrees = np.diff(self.adjacency.indptr)
+        self._neighbors = np.full((count, degrees.max(initial=3)), -1)  # -1 where there are fewer
+        is_used = np.arange(self._neighbors.shape[1]) < degrees[:, None]
+        self._neighbors[is_used] = self.adjacency.indices
 
     def smooth(self) -> tuple[Float[np.ndarray, " F"], Float[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
         """Return roughness [m], normals and offsets of planes fitted to each face and the rings around it."""
@@ -174,31 +177,29 @@ class _FaceSurface:
         self, seed: int, normal: Direction, offset: float, is_free: Bool[np.ndarray, " F"], reach: float
     ) -> Int[np.ndarray, " M"]:
         """Return the free faces that lie on one plane and are connected with the seed."""
-        members = np.array([seed])
+        members, slot = np.array([seed]), np.empty(len(self.areas), dtype=np.int64)
         for _ in range(_MAX_ROUNDS):
-            is_near = is_free & (_measure_deviations(self.moments, normal, offset) < reach)
-            is_near &= self.normals @ normal > self._min_cosine
-            is_near[seed] = True
-            found = self._find_part(is_near, seed)
+            is_open = np.append(is_free & (self.normals @ normal > self._min_cosine), False)
+            is_open[seed] = False
+            rings = [np.array([seed])]
+            while len(rings[-1]):  # what is farther away is not even measured
+                near = self._neighbors[rings[-1]].ravel()
+                near = near[is_open[near]]
+                slot[near] = np.arange(len(near))
+                near = near[slot[near] == np.arange(len(near))]  # each once
+                is_open[near] = False
+                rings.append(near[_measure_deviations(self.moments[near], normal, offset) < reach])
+            found = np.sort(np.concatenate(rings))
             if np.array_equal(found, members):
                 break
             members = found
             normal, offset = self.fit_faces(members)
         return members
 
-    def _find_part(self, is_member: Bool[np.ndarray, " F"], seed: int) -> Int[np.ndarray, " M"]:
-        members = np.flatnonzero(is_member)
-        _, part = connected_components(self.adjacency[members][:, members], directed=False)
-        return members[part == part[np.searchsorted(members, seed)]]
-
     def relabel(self, labels: Labels, count: int, reach: float) -> Labels:
         """Let each face move to the plane of a neighbor that fits it better (iterated conditional modes)."""
-        rows, degrees = np.arange(len(labels)), np.diff(self.adjacency.indptr)
-        slots = np.arange(len(self.adjacency.indices)) - np.repeat(self.adjacency.indptr[:-1], degrees)
-        owner, is_used = np.repeat(rows, degrees), slots < 3
-        faces = np.full((len(labels), 4), -1)  # each face and its neighbors, -1 where there are fewer
-        faces[:, 0] = rows
-        faces[owner[is_used], 1 + slots[is_used]] = self.adjacency.indices[is_used]
+        rows = np.arange(len(labels))
+        faces = np.column_stack([rows, self._neighbors[:, :3]])
         for _ in range(_MAX_ROUNDS):
             candidate = np.where(faces >= 0, labels[faces], -1)
             cost = self._cost(*self.fit_regions(labels, count), candidate, reach)
