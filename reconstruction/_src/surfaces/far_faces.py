@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.manifold import compute_normals
+from reconstruction._src.geometry.neighbors import query_tree
 from reconstruction._src.geometry.orientation import split_fans
 from reconstruction._src.geometry.rows import (
     Faces,
@@ -99,7 +100,7 @@ def find_far_faces(
     least = float(np.median(_measure_spacing(tree, tree.query(probes)[1], _NEIGHBORS)))
     limit = _SEEN_REACH * least
     bound = np.nextafter(limit, np.inf)
-    is_open = np.isinf(tree.query(samples, distance_upper_bound=bound, workers=-1)[0])
+    is_open = np.isinf(query_tree(tree, samples, distance_upper_bound=bound)[0])
     if not is_open.any():
         return is_far
     rows, columns = np.nonzero(is_open)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from reconstruction._src.geometry.neighbors import query_tree
 from reconstruction._src.geometry.rows import Points, compute_lengths, sum_rows
 
 _STRIDE = 4
@@ -93,7 +94,7 @@ def _measure_each(samples: Points, has_outliers: bool) -> Density:
     sound = samples[~is_outlier]
     tree = cKDTree(sound)
     wide = min(_WIDE, len(sound) - 1)
-    distances, neighbors = tree.query(sound, k=wide + 1, workers=-1)
+    distances, neighbors = query_tree(tree, sound, k=wide + 1)
     reach = _reach_beyond_lines(sound, distances[:, -1], neighbors)
     found = _GAP_RATIO * reach * np.sqrt(np.pi / wide)
     spacing = np.full(len(samples), np.median(found))
@@ -122,7 +123,7 @@ def _reach_beyond_lines(
         left = np.flatnonzero(~is_found if may_be_lined else is_lined)
         if len(left) == 0:
             continue
-        distances, around = tree.query(samples[left], k=neighbors.shape[1], workers=-1)
+        distances, around = query_tree(tree, samples[left], k=neighbors.shape[1])
         was_lined = is_lined[left]
         reach[left[was_lined]] = distances[was_lined, -1]
         is_lined[left] = _is_line(few[around])
@@ -149,7 +150,7 @@ def find_outliers(samples: Points) -> Bool[np.ndarray, " N"]:
 
 def _find_off(samples: Points) -> Bool[np.ndarray, " N"]:
     """Return which samples are outliers, each tested as if all others were none."""
-    distances, neighbors = cKDTree(samples).query(samples, k=_PLANE_NEIGHBORS + 1, workers=-1)
+    distances, neighbors = query_tree(cKDTree(samples), samples, k=_PLANE_NEIGHBORS + 1)
     near = min(_NEAR, _PLANE_NEIGHBORS)
     reach, others = distances[:, near], neighbors[:, 1:]
     is_off = reach > _LONELINESS * np.median(reach[neighbors[:, : near + 1]], axis=1)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from reconstruction._src.geometry.neighbors import query_tree
 from reconstruction._src.geometry.rows import Points, compute_lengths
 from reconstruction._src.networks.som.compilation import pad_rows, padded_length
 
@@ -93,7 +94,7 @@ def find_candidates(
     tiles: Tiles, units: Float[np.ndarray, "U 3"], num_candidates: int
 ) -> tuple[Int[np.ndarray, "T C"], Float[np.ndarray, " T"]]:
     """Find the units nearest to each tile's center."""
-    distances, candidates = cKDTree(units).query(tiles.centers, k=num_candidates, workers=-1)
+    distances, candidates = query_tree(cKDTree(units), tiles.centers, k=num_candidates)
     candidates = candidates.reshape(len(tiles.centers), num_candidates).astype(np.int32)
     reach = distances.reshape(len(tiles.centers), num_candidates)[:, -1]
     return candidates, reach if num_candidates < len(units) else np.full(len(reach), np.inf)
