@@ -20,7 +20,8 @@ _LEAST_AREA = 1e-12  # Triangles with less in plan are vertical [m²]
 _MOST_PAIRS = 2_000_000  # Pairs of triangle and cell that are treated at once: bounds the memory
 _ROUNDING = 1e-9  # Centers of cells this close outside a triangle lie in it [m]: neighbors leave no crack
 _WALL_DETAIL = 0.005  # Points of walls in a cell whose heights differ by less are one [m]
-_CRACK = 0.002  # Gaps between contact pieces up to this width are none [m]: tracks have a radius of 0.02
+_CRACK = 0.002  # Gaps between contact pieces up to this height are none [m]
+_GAP = 0.0065  # Ground reaches so far beyond its rim [m]: tracks of a radius of 0.02 sink 1 mm into a gap of twice it
 _WALL_SLOPE = float(np.deg2rad(50.0))
 """Steeper faces are walls, also where they are thinner than a cell [rad]."""
 
@@ -171,7 +172,7 @@ def find_spans(grid: Grid, pieces: list[trimesh.Trimesh], height_field: HeightFi
     """Return what is solid along the vertical lines through the centers of cells."""
     corners = _join_triangles(pieces)
     owner = np.repeat(np.arange(len(pieces)), [len(piece.faces) for piece in pieces])
-    found = find_crossings(grid, corners, _CRACK)
+    found = find_crossings(grid, corners, _GAP)
     key = owner[found.triangle] * grid.num_cells + found.cell
     order = np.argsort(key, kind="stable")
     key, height = key[order], found.height[order]

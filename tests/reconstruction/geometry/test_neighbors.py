@@ -15,9 +15,7 @@ from reconstruction._src.geometry.neighbors import query_tree
 def test_it_is_what_one_thread_finds(shape, options):
     rng = np.random.default_rng(0)
     tree, places = cKDTree(rng.random((200, 3))), rng.random(shape)
-    for found, wanted in zip(
-        query_tree(tree, places, **options), tree.query(places, **options), strict=True
-    ):
+    for found, wanted in zip(query_tree(tree, places, **options), tree.query(places, **options), strict=True):
         assert found.dtype == wanted.dtype
         np.testing.assert_array_equal(found, wanted)
 

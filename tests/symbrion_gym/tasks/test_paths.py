@@ -12,7 +12,7 @@ from symbrion_gym._src.tasks.route import Start
 
 def test_a_way_is_proposed_on_one_side_of_the_stairs():
     start, goal = propose_way(sg.load_arena("stairs"), sg.snake(8))
-    assert max(start[0], goal[0]) < 0.0
+    assert max(start[0], goal[0]) < 0.0 or min(start[0], goal[0]) > 1.2
 
 
 def test_where_too_little_can_be_driven_no_way_is_proposed():

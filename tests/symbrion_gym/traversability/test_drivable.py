@@ -101,6 +101,14 @@ def test_steps_up_to_the_limit_are_climbed(height, num_regions):
     assert make_exact_arena("step", boxes, boxes).traversability(snake(5)).num_regions == 1
 
 
+@pytest.mark.parametrize(("width", "num_regions"), [(0.012, 1), (0.08, 4)])
+def test_gaps_that_a_track_does_not_sink_into_are_no_rims(width, num_regions):
+    # the middle of a cell lies in one of the gaps
+    planks = [make_box((0, 0.37 * k, -0.05), (1, 0.37 * (k + 1) - width, 0)) for k in range(4)]
+    boxes = [make_box((0, 0, -0.1), (1, 1.48, -0.05)), *planks]
+    assert make_exact_arena("planks", boxes, boxes).traversability(snake(1)).num_regions == num_regions
+
+
 def test_a_gallery_and_the_hall_below_are_one_region_by_the_ramp():
     ground = make_two_storeys().traversability()
     above, below = find_level(ground, 1.0, 2.2, GALLERY), find_level(ground, 1.0, 2.2, 0.0)
