@@ -83,18 +83,23 @@ _TURN = np.deg2rad([55.0, 70.0])
 """Least and most turn between them [rad]: who drives straight on does not arrive."""
 _SNAP = 0.05  # Corners lie at most so far from a place of the map [m]
 _NUM_WAYS, _NUM_TRIED = 5_000, 20  # Ways that are drawn, and of which so many are tried in the environment
+_ROOMS = 2.0, 1.0
+"""Distances from walls on a way that is chosen, over that which the body needs; less where no way has more."""
 _EQUALLY = np.deg2rad(1.0)  # Ground that is steeper by less is as level [rad]
 _NUM_CHECKED = 17  # Places of a leg that are looked up on the maps, at most 5 cm apart
 _MODULES = (2, 12)  # Least and most modules of a row that crosses a gap
 _REACH = 1.75  # Length of such a row over the width of the gap: eight Scouts cross 0.45 m
 
 
-def read_site(path: str | Path, viewpoints: ArrayLike | None = None, **frame: Any) -> Site:
+def read_site(
+    path: str | Path, viewpoints: ArrayLike | None = None, max_pieces: int | None = None, **frame: Any
+) -> Site:
     """Return what a file holds: a scan log, a cloud or, of a mesh or an arena folder, an arena.
 
     Args:
         path: a file or folder.
         viewpoints: where the scanner stood, in the coordinates of the file with z up [m].
+        max_pieces: of the arena of a mesh, as of `make_arena`.
         frame: unit, up, scale and classes, as of `reconstruction.load_cloud`.
     """
     path, given = Path(path), {name: value for name, value in frame.items() if value not in (None, 1.0)}
@@ -105,8 +110,12 @@ def read_site(path: str | Path, viewpoints: ArrayLike | None = None, **frame: An
             raise rc.ScanError(f"{path} is a scan log, which says all about its frame; leave out the others")
         return rc.load_scan_log(path)
     if rc.is_mesh(path):
-        return sg.make_arena(path, viewpoints=viewpoints, **given)
+        return sg.make_arena(path, viewpoints=viewpoints, **_make_options(max_pieces), **given)
     return rc.load_cloud(path, viewpoints=viewpoints, **given)
+
+
+def _make_options(max_pieces: int | None) -> dict[str, Any]:
+    return {} if max_pieces is None else {"max_pieces": max_pieces}
 
 
 def train(
@@ -116,6 +125,7 @@ def train(
     start: Place | None = None,
     goal: Place | None = None,
     organism: Any = None,
+    max_pieces: int | None = None,
     truth: sg.Arena | None = None,
     source: str = "SCAN",
     seed: int = 0,
@@ -134,6 +144,7 @@ def train(
         goal: likewise; chosen so that the way has a corner.
         organism: body, by name, number of modules or `Organism`; None: a lone Scout, or a row that crosses the gap
             between start and goal.
+        max_pieces: of each model, as of `make_arena`.
         truth: the exact arena where it is known, in which the champion is judged, too.
         source: the scan and how it is read, as the command on the page is to say it.
         seed: of everything; equal seeds give equal results.
@@ -151,18 +162,18 @@ def train(
     folder = Path(folder)
     refuse_foreign_files(folder, MARKER, OUTPUTS)
     progress("reading the scan", 0.0)
-    site = read_site(scan) if isinstance(scan, str | Path) else scan
+    site = read_site(scan, max_pieces=max_pieces) if isinstance(scan, str | Path) else scan
     _check_inside(site, start=start, goal=goal)
     body = None if organism is None else read_organism(organism)
     options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
+    options["max_pieces"] = max_pieces
     _claim(folder, {"scan": _digest(site), "seed": seed, **options})
     with lock_folder(folder):
         ends = [place[:2] for place in (start, goal) if place is not None]
-        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6), ends)
+        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6), ends, max_pieces)
         verdict = arenas[0].verdict
         if verdict.answer == "no":
-            text = f"{verdict}; symbrion view {folder / HALVES[0]} shows it"
-            raise RunError(f"{text}; symbrion train takes the folder of a better arena, too")
+            raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
         run = evolve_or_resume(config, _part(progress, 0.6, 0.85))
         progress("judging the champion", 0.85)
@@ -179,7 +190,9 @@ def train(
 def _format_options(options: dict[str, Any]) -> str:
     """Return options as a command line has them."""
     given = {name: np.atleast_1d(value).tolist() for name, value in options.items() if value is not None}
-    return " ".join(f"--{name} {' '.join(map(str, values))}" for name, values in given.items())
+    return " ".join(
+        f"--{name.replace('_', '-')} {' '.join(map(str, values))}" for name, values in given.items()
+    )
 
 
 def _check_inside(site: Site, **ends: Place | None) -> None:
@@ -319,30 +332,43 @@ def _find_ground(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " 2"]:
 
 
 def make_models(
-    site: Site, folder: Path, seed: int, progress: Progress = silent, ends: Sequence[Place] = ()
+    site: Site,
+    folder: Path,
+    seed: int,
+    progress: Progress = silent,
+    ends: Sequence[Place] = (),
+    max_pieces: int | None = None,
 ) -> list[sg.Arena]:
     """Return the models of both halves of a site, or a mesh and the model of a scan of it; kept ones from the folder.
 
     Of a large site they are of the part around the `ends` of a way, or where most ground was read. The faces of a model
-    that the other, or the mesh, does not confirm are `unseen`.
+    that the other, or the mesh, does not confirm are `unseen`. A first one that is good for no robot is both.
     """
     folders = [folder / name for name in HALVES]
     ends = ends if np.ptp(_find_places(site)[:, :2], axis=0).max() > _SITE else ()
-    of = f"{_digest(site)} {seed} {ends}"
+    of = f"{_digest(site)} {seed} {ends} {max_pieces}"
+    options = _make_options(max_pieces)
     if not _is_kept(folders[1], of):
         if isinstance(site, sg.Arena):
-            is_bad = site.verdict.answer == "no"
-            again = site if is_bad else _model_again(site, seed + 1, progress, ends)
-            made = [site, _mark_unconfirmed(again, site)]
+            made = [site]
+            if site.verdict.answer != "no":
+                readings = keep_low(crop_large(scan_mesh(site, seed + 1), ends))
+                part = _part(progress, 0.5, 1.0, "scan of it: ")
+                again = _make_model(readings, seed + 1, HALVES[1], part, **options)
+                made.append(_mark_unconfirmed(again, site))
         else:
             halves = split_readings(keep_low(crop_large(site, ends)) if isinstance(site, rc.Cloud) else site)
             made = []
             for k, (half, each) in enumerate(zip(halves, folders, strict=True)):
                 if not _is_kept(each, f"half of {of}"):
                     part = _part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: ")
-                    _keep(_make_model(half, seed + k, HALVES[k], part), each, f"half of {of}")
+                    _keep(_make_model(half, seed + k, HALVES[k], part, **options), each, f"half of {of}")
                 made.append(sg.Arena.load(each))
-            made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
+                if made[0].verdict.answer == "no":
+                    break
+            else:
+                made = [_mark_unconfirmed(*pair) for pair in (made, made[::-1])]
+        made = [made[0], made[-1]]
         for arena, each in zip(made, folders, strict=True):  # that which is asked for is the last
             _keep(arena, each, of)
     return [sg.Arena.load(each) for each in folders]  # as files keep them: a resumed training reads the same
@@ -356,20 +382,16 @@ def _keep(arena: sg.Arena, folder: Path, of: str) -> None:
     replace(arena, provenance={**arena.provenance, "models_of": of}).save(folder)
 
 
-def _model_again(site: sg.Arena, seed: int, progress: Progress, ends: Sequence[Place]) -> sg.Arena:
-    """Return the model that a scan of a mesh or an arena gives."""
-    readings = keep_low(crop_large(scan_mesh(site, seed), ends))
-    return _make_model(readings, seed, HALVES[1], _part(progress, 0.5, 1.0, "scan of it: "))
-
-
-def _make_model(half: rc.ScanLog | rc.Cloud, seed: int, name: str, progress: Progress) -> sg.Arena:
+def _make_model(
+    half: rc.ScanLog | rc.Cloud, seed: int, name: str, progress: Progress, **options: Any
+) -> sg.Arena:
     readings, points = half, rc.preprocess_cloud(half)
     if isinstance(half, rc.ScanLog):
         readings, points = rc.make_log_cloud(rc.level_floor(half)), rc.thin(points, SPACING)
     made = rc.reconstruct(
         points, readings=cast(rc.Cloud, readings), seed=seed, progress=_part(progress, 0.0, 0.4)
     )
-    return sg.make_arena(made, name=name, seed=seed, progress=_part(progress, 0.4, 1.0))
+    return sg.make_arena(made, name=name, seed=seed, progress=_part(progress, 0.4, 1.0), **options)
 
 
 def _mark_unconfirmed(arena: sg.Arena, other: sg.Arena) -> sg.Arena:
@@ -399,7 +421,7 @@ def choose_task(
         conditions = {"randomization": _AS_SCANNED, "validation": _CONFIRMED}
         return EvolutionConfig(organism=crossing, **conditions, **task, **common)
     body = body or sg.snake(1)
-    problem: ValueError = sg.ArenaError("no place of it is confirmed by both models, with room around it")
+    problem: ValueError = sg.ArenaError("a robot can drive nowhere on ground that both models confirm")
     for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):
         task = {"task": "reach", "track_control": "skid", **way}
         try:
@@ -455,7 +477,19 @@ def _list_ways(
         for corners in _list_corners(arenas, body, start, goal) or [()]:  # of none the environment says why
             yield {"start": start, "goal": goal, "places": corners}
         return
-    places, lean = _find_confirmed(arenas, body, start if start is not None else goal)
+    near = goal if start is None else start
+    for room in _ROOMS:
+        yield from _draw_ways(*_find_confirmed(arenas, body, near, room), start, goal, rng)
+
+
+def _draw_ways(
+    places: Float[np.ndarray, "N 3"],
+    lean: Float[np.ndarray, " N"],
+    start: Place | None,
+    goal: Place | None,
+    rng: np.random.Generator,
+) -> Iterator[dict[str, Any]]:
+    """Yield ways between some of the places, the best first; `lean` is the slope there [rad]."""
     if not len(places):
         return
     known, legs = (start, _LEGS) if goal is None else (goal, _LEGS[::-1])
@@ -499,27 +533,31 @@ def _list_corners(
 
 
 def _find_confirmed(
-    arenas: list[sg.Arena], body: Organism, near: Place | None
+    arenas: list[sg.Arena], body: Organism, near: Place | None, room: float
 ) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, " N"]]:
-    """Return places with room around them, drivable in all models, of the largest or nearest region.
+    """Return places with room around them, so many times what the body needs, of the largest or nearest region of all.
 
     With each goes the slope of the ground in the model in which it is steeper [rad].
     """
     grounds = [arena.traversability(body) for arena in arenas]
-    first, room = grounds[0], 2.0 * grounds[0].footprint.reach
+    first = grounds[0]
     is_low = find_low(first.positions)  # no roof
-    chosen: Int[np.ndarray, " N"] = np.flatnonzero(is_low & first.is_drivable & (first.wall_distance >= room))
-    slope = np.nan_to_num(first.slope)
+    chosen: Int[np.ndarray, " N"] = np.flatnonzero(is_low & first.is_drivable)
+    slope, away, region = np.nan_to_num(first.slope), first.wall_distance.copy(), first.region.copy()
     for ground in grounds[1:]:
         places = first.positions[chosen]
         found = ground.sorted_heights.find_nearest(ground.grid.compute_cells(places[:, :2]), places[:, 2])
         is_there = (found >= 0) & (np.abs(ground.height[found] - places[:, 2]) <= 2 * _AGREE)
-        is_there &= (ground.wall_distance[found] >= room) & ground.is_drivable[found]
+        is_there &= ground.is_drivable[found]
         chosen, found = chosen[is_there], found[is_there]
         slope[chosen] = np.fmax(slope[chosen], ground.slope[found])
+        away[chosen] = np.minimum(away[chosen], ground.wall_distance[found])
+        pairs = region[chosen] * ground.num_regions + ground.region[found]  # connected in all of them
+        region[chosen] = pairs
+    chosen = chosen[away[chosen] >= room * first.footprint.reach]
     if not len(chosen):
         return first.positions[chosen], slope[chosen]
-    region = first.region[chosen]
+    region = region[chosen]
     if near is None:
         wanted = np.bincount(region).argmax()
     else:

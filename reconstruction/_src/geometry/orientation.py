@@ -233,18 +233,26 @@ def _is_beaten(shares: Float[np.ndarray, "3 3"]) -> bool:
     return bool(is_other and shares[1, 2] < _LEAST_SQUARE)
 
 
-def find_axis_doubt(areas: Float[np.ndarray, "F 3"]) -> str:
-    """Return in words why another axis than z may point up, of area vectors; nothing where it is z."""
+class DoubtfulAxis(NamedTuple):
+    """An axis that may point up in place of z."""
+
+    name: str  # "x" or "y"
+    doubt: str  # why, in words
+
+
+def find_doubtful_axis(areas: Float[np.ndarray, "F 3"]) -> DoubtfulAxis | None:
+    """Return the axis that may point up in place of z, of area vectors; None where it is z."""
     shares = _measure_axes(areas)
     if not _is_beaten(shares):
-        return ""
+        return None
     axis = int(shares[0, :2].argmax())
-    along, upright = 100 * shares[0, axis], 100 * shares[0, 2]
-    return f"z may not point up: {along:.0f} % of the surface is level along {'xy'[axis]}, {upright:.0f} % along z"
+    along, upright, name = 100 * shares[0, axis], 100 * shares[0, 2], "xy"[axis]
+    text = f"z may not point up: {along:.0f} % of the surface is level along {name}, {upright:.0f} % along z"
+    return DoubtfulAxis(name, text)
 
 
-def find_side_doubt(vertices: Vertices, faces: Faces) -> str:
-    """Return in words why a surface may be seen from the wrong side; nothing where its walls stand on its floor.
+def hangs_from_floor(vertices: Vertices, faces: Faces) -> bool:
+    """Return whether walls hang below a floor and hardly any stand on it: it is seen from the wrong side.
 
     A roof far above ground is no floor.
     """
@@ -252,16 +260,12 @@ def find_side_doubt(vertices: Vertices, faces: Faces) -> str:
     size = compute_lengths(areas)
     upward = faces[areas[:, 2] > _LEVEL * size]
     if not len(upward):
-        return ""
+        return False
     level = sample_area(vertices, upward, _NUM_SAMPLES)
     rise = middles[:, 2] - np.median(level[find_low(level), 2])
     walls = np.where(np.abs(areas[:, 2]) < _UPRIGHT * size, size, 0.0)
     hung, stood = float(walls[rise < -_ON_FLOOR].sum()), float(walls[rise > _ON_FLOOR].sum())
-    if hung < max(_LEAST_WALLS * size.sum(), _STANDING * stood):
-        return ""
-    return (
-        "walls hang below its floor and hardly any stand on it: it is upside down, or a ceiling from outside"
-    )
+    return hung >= max(_LEAST_WALLS * size.sum(), _STANDING * stood)
 
 
 def _count_turns(vertices: Vertices, faces: Faces, viewpoints: Float[np.ndarray, "K 3"]) -> float:

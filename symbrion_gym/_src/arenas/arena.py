@@ -211,8 +211,8 @@ class Arena:
             ground = self.traversability()
         except ArenaError:  # there is none
             ground = None
-        is_upright = self.provenance.get("up") is not None
-        return find_verdict(self.surface, self.seen_surface, contact, self.quality, ground, is_upright)
+        up, remedy = self.provenance.get("up"), self.provenance.get("remedy", "")
+        return find_verdict(self.surface, self.seen_surface, contact, self.quality, ground, up, remedy)
 
     def find_route(
         self,

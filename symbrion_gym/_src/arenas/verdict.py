@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from reconstruction._src.base.range_checks import format_distance, format_share
-from reconstruction._src.geometry.orientation import find_axis_doubt, find_side_doubt
+from reconstruction._src.geometry.orientation import find_doubtful_axis, hangs_from_floor
 from reconstruction._src.geometry.rows import compute_area_vectors
 from reconstruction._src.geometry.sampling import sample_area
 from symbrion_gym._src.contact.kinds import HeightField
@@ -74,7 +74,8 @@ def find_verdict(
     contact: Sequence[trimesh.Trimesh] | HeightField,
     quality: ArenaQuality,
     ground: TraversabilityMap | None,
-    is_upright: bool = False,
+    up: str | None = None,
+    remedy: str = "",
 ) -> Verdict:
     """Return the verdict about an arena.
 
@@ -84,11 +85,14 @@ def find_verdict(
         contact: pieces, or a height field.
         quality: distances and shares that were measured when it was made.
         ground: where a Scout can drive; None where there is no ground.
-        is_upright: whether the user said which axis points up.
+        up: the axis of the file that points up, where it or the user says so.
+        remedy: what contact that misses its accuracy needs.
     """
-    figures = list(_judge_up(surface, is_upright)) or [  # where that is wrong, the rest says nothing
-        *_judge_ground(seen, contact, ground),
-        *_judge_contact(quality),
+    better = remedy or "symbrion arena with a smaller --accuracy"
+    figures = list(_judge_up(surface, up)) or [  # where that is wrong, the rest says nothing
+        *_judge_area(ground, up),
+        *_judge_ground(seen, contact, better),
+        *_judge_contact(quality, better),
         *_judge_unseen(surface, seen),
     ]
     reasons = sorted(figures, key=lambda each: -ANSWERS.index(each.answer))
@@ -105,21 +109,24 @@ def _weigh(
         yield Reason(figure, value, answer, meaning, remedy)
 
 
-def _judge_up(surface: trimesh.Trimesh, is_upright: bool) -> Iterator[Reason]:
+def _judge_up(surface: trimesh.Trimesh, up: str | None) -> Iterator[Reason]:
     """Yield a doubt about the axis that points up; a closed body is as its file winds it."""
     vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
-    doubt = "" if is_upright else find_axis_doubt(compute_area_vectors(vertices, faces))
-    if not doubt and not surface.is_watertight:
-        doubt = find_side_doubt(vertices, faces)
-    if doubt:
-        remedy = "give the axis that points up by --up, or where the scanner stood by --viewpoint; turn a tilted scan"
-        yield Reason("up_axis", 1.0, "no", doubt, remedy)
+    axis = find_doubtful_axis(compute_area_vectors(vertices, faces)) if up is None else None
+    if axis is not None:
+        remedy = (
+            f"give --up {axis.name} or --up -{axis.name}, or --up z if it is z; turn a tilted scan before"
+        )
+        yield Reason("up_axis", 1.0, "no", axis.doubt, remedy)
+    elif not surface.is_watertight and hangs_from_floor(vertices, faces):
+        meaning = "walls hang below its floor and hardly any stand on it: it is upside down, or a ceiling from outside"
+        opposite = up[1:] if up and up[0] == "-" else f"-{up or 'z'}"
+        remedy = f"give --up {opposite}, or where the scanner stood by --viewpoint"
+        yield Reason("up_axis", 1.0, "no", meaning, remedy)
 
 
-def _judge_ground(
-    seen: trimesh.Trimesh, contact: Sequence[trimesh.Trimesh] | HeightField, ground: TraversabilityMap | None
-) -> Iterator[Reason]:
-    """Yield what is wrong with the ground: too little to drive on, or contact that does not hold a robot there."""
+def _judge_area(ground: TraversabilityMap | None, up: str | None) -> Iterator[Reason]:
+    """Yield that there is too little ground to drive on, or how roughly it is known."""
     area = 0.0 if ground is None or not ground.num_regions else float(ground.region_areas[0])
     meaning = f"the largest area to drive on has {area:.2g} m²"
     if not area and ground is not None and len(ground.cell):
@@ -127,12 +134,20 @@ def _judge_ground(
         meaning += (
             f": level ground is {wide:.2f} m wide at most between walls and rims, of {needed:.2f} m needed"
         )
-    remedy = "symbrion view shows it; scan more ground, or say by --up which axis points up"
+    remedy = "symbrion view shows it; scan more ground"
+    if not area and up is None:
+        remedy += ", or say by --up which axis points up"
     yield from _weigh("drivable_area", area, _LEAST_AREA, meaning, remedy)
     if ground is not None and ground.grid.cell > ROBOT:
         meaning = f"its map has cells of {format_distance(ground.grid.cell)}, wider than the robot"
         remedy = "--unit if it is not in meters, --crop a part, or symbrion reconstruct --tile"
         yield Reason("cell", ground.grid.cell, "no", meaning, remedy)
+
+
+def _judge_ground(
+    seen: trimesh.Trimesh, contact: Sequence[trimesh.Trimesh] | HeightField, remedy: str
+) -> Iterator[Reason]:
+    """Yield how much of the ground has contact that does not hold a robot there."""
     level = _select_level(seen)
     if not len(level.faces):
         return
@@ -144,12 +159,10 @@ def _judge_ground(
     is_loose = (np.abs(ends - _ABOVE) > _HELD) & (heights > ROBOT)  # in a lower gap no robot stands
     loose = float(is_loose.mean())
     meaning = f"{format_share(loose)} of the level ground has no contact within 2 cm"
-    yield from _weigh(
-        "loose_ground", loose, _LOOSE, meaning, "symbrion arena with another --max-pieces or --kind"
-    )
+    yield from _weigh("loose_ground", loose, _LOOSE, meaning, remedy)
 
 
-def _judge_contact(quality: ArenaQuality) -> Iterator[Reason]:
+def _judge_contact(quality: ArenaQuality, remedy: str) -> Iterator[Reason]:
     """Yield what is wrong with surface and contact: off the readings, not there, or in the way of the beams."""
     if quality.readings is not None:
         off = format_distance(quality.readings)
@@ -158,13 +171,11 @@ def _judge_contact(quality: ArenaQuality) -> Iterator[Reason]:
             "readings", quality.readings, _READINGS, meaning, "scan from nearer or more densely, or --crop"
         )
     meaning = f"{format_share(quality.uncovered)} of the surface has no contact within 5 cm"
-    yield from _weigh(
-        "uncovered", quality.uncovered, _UNCOVERED, meaning, "symbrion arena --max-pieces, or --crop"
-    )
+    yield from _weigh("uncovered", quality.uncovered, _UNCOVERED, meaning, remedy)
     if quality.beams_contact is not None and quality.beams_surface:
         lost = max(1.0 - quality.beams_contact / quality.beams_surface, 0.0)
-        meaning = f"{format_share(lost)} of the beams that end right on the surface end elsewhere on contact"
-        yield from _weigh("beams", lost, _BEAMS, meaning, "check --viewpoint, or symbrion arena --max-pieces")
+        meaning = f"contact stops {format_share(lost)} of the laser beams elsewhere than the surface does"
+        yield from _weigh("beams", lost, _BEAMS, meaning, f"check --viewpoint; {remedy}")
 
 
 def _judge_unseen(surface: trimesh.Trimesh, seen: trimesh.Trimesh) -> Iterator[Reason]:

@@ -382,11 +382,12 @@ def _add_notes(problem: ContactProblem, contact: Contact, record: list) -> Conta
     if not is_reached:
         remedy = "ask for less accuracy"
         if options.kind in ("hfield", "prisms"):
-            remedy = "take kind 'convex'"
+            remedy = "take --kind convex"
         elif 2 * count >= options.max_pieces:
-            remedy = f"allow more pieces (--max-pieces {2 * options.max_pieces}, max_pieces)"
-        if problem.shape == "terrain" and options.kind not in ("hfield", "prisms"):
-            remedy += ", or take kind 'hfield'"
+            remedy = f"allow more pieces: --max-pieces {2 * options.max_pieces}"
+        elif problem.shape == "terrain" and options.kind != "auto":  # which has tried it
+            remedy = "take --kind hfield"
+        notes["remedy"] = remedy
         notes["warnings"].append(
             f"accuracy {format_distance(problem.accuracy)} was missed: {count} pieces are "
             f"{format_distance(quality.mean)} off in the mean, {format_distance(quality.p95)} at the 95th percentile, "

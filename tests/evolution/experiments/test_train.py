@@ -104,7 +104,7 @@ def test_a_mesh_is_checked_by_the_model_of_a_scan_of_it(tmp_path: Path) -> None:
     assert other.height(0.0, 0.0) == pytest.approx(0.2, abs=0.02)
     assert np.abs(np.asarray(other.height(np.array([-1.0, 1.0]), np.zeros(2)))).max() < 0.01
     assert one.unseen == ()
-    places = training._find_confirmed([one, other], sg.snake(1), None)[0]
+    places = training._find_confirmed([one, other], sg.snake(1), None, 2.0)[0]
     assert len(places) > 0.3 * one.traversability(sg.snake(1)).is_drivable.sum()
 
 
@@ -173,7 +173,7 @@ def test_ways_and_places_to_scan_from_are_in_a_house_and_not_on_its_roof() -> No
     bounds += [((x, -1, 0), (x + 0.1, 1, 2.4)) for x in (-1.0, 0.9)]
     house = sg.make_arena(trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in bounds]))
     assert house.traversability(sg.snake(1)).positions[:, 2].max() == pytest.approx(2.5, abs=0.01)
-    places = training._find_confirmed([house, house], sg.snake(1), None)[0]
+    places = training._find_confirmed([house, house], sg.snake(1), None, 2.0)[0]
     assert len(places)
     assert places[:, 2].max() < 0.01
     heights = training.scan_mesh(house, 0).viewpoints[:, 2]  # some may be on the eaves
@@ -221,9 +221,26 @@ def test_a_way_does_not_cross_what_one_model_lacks_and_none_is_squeezed_into_too
     for way in ways:
         sides = np.sign([place[0] for place in (way["start"], *way["places"], way["goal"])])
         assert abs(sides.sum()) == 3
-    small = make_floor(0.6)
-    assert len(training._find_confirmed([small], body, None)[0])
-    assert not list(training._list_ways([small], body, None, None, np.random.default_rng(0)))
+    for size, has_way in ((0.7, True), (0.6, False)):
+        small = make_floor(size)
+        assert len(training._find_confirmed([small], body, None, 1.0)[0])
+        found = list(training._list_ways([small], body, None, None, np.random.default_rng(0)))
+        assert bool(found) == has_way
+
+
+def test_a_way_is_where_both_models_connect_it_and_has_little_room_only_where_there_is_no_more() -> None:
+    """One model has bars that part the larger half of the floor."""
+    body, floor = sg.snake(1), make_floor(2.4, (-0.6, -0.55))
+    parted = make_floor(2.4, (-0.6, -0.55), *((x, x + 0.04) for x in (-0.15, 0.29, 0.73)))
+    for models in ([floor, parted], [parted, floor]):
+        ways = list(training._list_ways(models, body, None, None, np.random.default_rng(0)))
+        assert ways
+        for way in ways:
+            corners = np.array([way["start"], *way["places"], way["goal"]])
+            assert corners[:, 0].max() < -0.6
+    lane = make_floor(1.6, (-0.5, -0.28), (0.05, 0.8))
+    rooms = [training._find_confirmed([lane], body, None, room)[0] for room in training._ROOMS]
+    assert 0 < len(rooms[0]) < len(rooms[1])
 
 
 @pytest.mark.parametrize("order", [slice(None), slice(None, None, -1)])
@@ -277,8 +294,12 @@ def test_after_a_refusal_the_folder_takes_other_options(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scan, few = make_scan(), make_scan().select(np.arange(6400) < 30)
-    with pytest.raises(ev.RunError, match=r"good for a robot of 0.105 m: no"):
-        ev.train(few, tmp_path)
+    made, make = [], training._make_model
+    monkeypatch.setattr(training, "_make_model", lambda *some: made.append(some) or make(*some))
+    for _ in range(2):
+        with pytest.raises(ev.RunError, match=r"good for a robot of 0.105 m: no"):
+            ev.train(few, tmp_path)
+    assert len(made) == 1, "the second model is not made, and the first not again"
     training._claim(tmp_path, {"scan": training._digest(scan), "seed": 0})
     floors = [sg.make_arena(trimesh.creation.box((size, 1.0, 0.1))) for size in (1.0, 2.0)]
     for k, arena in enumerate(floors):  # each seed has models of its own, which replace those before
@@ -399,7 +420,7 @@ def test_ways_are_looked_for_where_both_models_have_ground() -> None:
         return sg.make_arena(trimesh.util.concatenate(plates))
 
     def find(second: sg.Arena, near: tuple[float, float] | None) -> np.ndarray:
-        return training._find_confirmed([first, second], sg.snake(1), near)[0][:, :2]
+        return training._find_confirmed([first, second], sg.snake(1), near, 2.0)[0][:, :2]
 
     first, other = make((0.0, 0.0)), make((0.1, 0.0))  # of the larger plate they do not agree
     for near in (None, (-2.0, 0.0)):

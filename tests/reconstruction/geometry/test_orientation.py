@@ -6,9 +6,9 @@ import trimesh
 
 from reconstruction._src.geometry.orientation import (
     compute_components,
-    find_axis_doubt,
-    find_side_doubt,
+    find_doubtful_axis,
     find_up_axis,
+    hangs_from_floor,
     is_room,
     looks_down_below,
     orient_outwards,
@@ -88,10 +88,10 @@ def test_walls_stand_on_a_floor_or_it_is_seen_from_the_wrong_side():
     room.apply_translation([0.0, 0.0, 1.25])
     vertices, faces = np.asarray(room.vertices), np.asarray(room.faces)
     hanging = vertices * [1.0, 1.0, -1.0]  # the floor still looks up
-    assert not find_side_doubt(vertices, faces)
-    assert "upside down" in find_side_doubt(hanging, faces)
-    assert not find_side_doubt(0.08 * hanging, faces)  # too low to hang
-    assert not find_side_doubt(*_join((vertices, faces), (hanging, faces)))
+    assert not hangs_from_floor(vertices, faces)
+    assert hangs_from_floor(hanging, faces)
+    assert not hangs_from_floor(0.08 * hanging, faces)  # too low to hang
+    assert not hangs_from_floor(*_join((vertices, faces), (hanging, faces)))
 
 
 @pytest.mark.parametrize("has_floor", [True, False])
@@ -101,10 +101,7 @@ def test_a_roof_is_no_floor_where_there_is_one_far_below(has_floor: bool):
     if has_floor:
         kept |= box.face_normals[:, 2] < 0.0
     inside = np.asarray(box.vertices) - [0.0, 0.0, 1.35], np.asarray(box.faces)[kept, ::-1]
-    assert (
-        bool(find_side_doubt(*_join(inside, (np.asarray(roof.vertices), np.asarray(roof.faces)))))
-        != has_floor
-    )
+    assert hangs_from_floor(*_join(inside, (np.asarray(roof.vertices), np.asarray(roof.faces)))) != has_floor
 
 
 def _join(one, other):
@@ -114,10 +111,12 @@ def _join(one, other):
 def test_another_axis_than_z_is_doubted_only_where_it_tells_more():
     floor, walls = np.array([[0.0, 0.0, 1.0]]), np.array([[2.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
     tilted = 0.3 * np.array([[0.0, np.sin(0.2), np.cos(0.2)]])  # no floor square to z
-    assert not find_axis_doubt(np.concatenate([floor, walls]))
-    assert not find_axis_doubt(np.concatenate([0.3 * floor, walls]))  # few, but square
-    assert "level along x" in find_axis_doubt(np.concatenate([tilted, walls]))
-    assert not find_axis_doubt(np.concatenate([tilted, 0.05 * walls]))
+    assert not find_doubtful_axis(np.concatenate([floor, walls]))
+    assert not find_doubtful_axis(np.concatenate([0.3 * floor, walls]))  # few, but square
+    axis = find_doubtful_axis(np.concatenate([tilted, walls]))
+    assert axis.name == "x"
+    assert "level along x" in axis.doubt
+    assert not find_doubtful_axis(np.concatenate([tilted, 0.05 * walls]))
     rough = np.tile([[0.0, np.cos(0.3), np.sin(0.3)]], (5, 1))  # square to nothing
     assert find_up_axis(np.concatenate([rough, tilted]), np.arange(18.0).reshape(6, 3)) == "y"
     assert find_up_axis(np.concatenate([rough, 6 * tilted]), np.arange(18.0).reshape(6, 3)) is None

@@ -37,6 +37,8 @@ def test_ground_that_is_too_narrow_says_how_wide_it_is() -> None:
     )
     assert lane.verdict.answer == "no"
     assert "m wide at most between walls and rims, of 0.15 m needed" in str(lane.verdict)
+    assert "by --up" in str(lane.verdict)
+    assert "--up" not in str(replace(lane, provenance={**lane.provenance, "up": "z"}).verdict)
 
 
 @pytest.mark.parametrize(
@@ -48,8 +50,10 @@ def test_ground_that_is_too_narrow_says_how_wide_it_is() -> None:
     ],
 )
 def test_a_figure_decides(shift: float, changes: dict[str, float], figure: str, answer: str) -> None:
-    (reason,) = make_floor(shift, **changes).verdict.reasons
+    floor = replace(make_floor(shift, **changes), provenance={"remedy": "more pieces"})
+    (reason,) = floor.verdict.reasons
     assert (reason.figure, reason.answer) == (figure, answer)
+    assert reason.remedy.endswith("more pieces")
 
 
 @pytest.mark.parametrize(("rise", "answer"), [(0.05, "yes"), (0.3, "no")])
@@ -124,6 +128,7 @@ def test_an_axis_that_the_user_gives_is_not_doubted(up: str | None, tmp_path: Pa
     made = sg.make_arena(again, cache=False)
     for each in (sg.Arena.load(tmp_path / "arena"), made):
         assert ("up_axis" in [reason.figure for reason in each.verdict.reasons]) == (up is None)
+        assert ("give --up" in str(each.verdict)) == (up is None)
 
 
 @pytest.mark.parametrize(("turns", "answer"), [(0, "yes"), (2, "no")])
@@ -132,9 +137,11 @@ def test_a_room_upside_down_is_good_for_no_robot(turns: int, answer: str) -> Non
     room.update_faces(room.triangles_center[:, 2] < 1.2)
     room.invert()
     room.apply_transform(trimesh.transformations.rotation_matrix(turns * np.pi / 2, [1, 0, 0]))
-    verdict = sg.make_arena(room, cache=False).verdict
-    assert verdict.answer == answer
-    assert ("up_axis" in [each.figure for each in verdict.reasons]) == (answer == "no")
+    for up, opposite in ((None, "-z"), ("z", "-z"), ("-z", "z")):
+        arena = sg.make_arena(room, cache=False)
+        verdict = replace(arena, provenance={**arena.provenance, "up": up}).verdict
+        assert verdict.answer == answer
+        assert (f"give --up {opposite}, or" in str(verdict)) == (answer == "no")
 
 
 def test_a_closed_block_is_driven_on_from_above() -> None:

@@ -106,6 +106,8 @@ class Train(FrameCommand, Experiment):
     organism: str | None = None
     """The body: a number of modules in a row, a body plan, or the name or file of one. Default: a lone Scout, or a row
     that crosses the gap between --start and --goal."""
+    max_pieces: int | None = None
+    """Most contact pieces of each model. Default: 2200."""
 
     def check(self) -> None:
         super().check()
@@ -113,6 +115,7 @@ class Train(FrameCommand, Experiment):
             require_file(self.scan, "SCAN")
         if self.crop is not None:
             check_box(self.crop)
+        self.require_least(max_pieces=1)
 
     def explain_interruption(self) -> str:
         return "what is done is kept; the same command goes on"
@@ -124,12 +127,12 @@ class Train(FrameCommand, Experiment):
 
         with console.track(f"Training in {self.scan.name}") as step:
             frame = {"unit": self.unit, "up": self.up, "scale": self.scale, "classes": self.classes or None}
-            site = read_site(self.scan, self.viewpoint or None, **frame)
+            site = read_site(self.scan, self.viewpoint or None, self.max_pieces, **frame)
             if self.crop is not None:
                 if not isinstance(site, rc.Cloud):
                     raise UsageError(f"--crop is for points, which {self.scan} are not")
                 site = crop_cloud(site, np.reshape(self.crop, (3, 2)).T, self.scan)
-            names = ("start", "goal", "organism", "seed", "workers")
+            names = ("start", "goal", "organism", "max_pieces", "seed", "workers")
             options: dict[str, Any] = {name: getattr(self, name) for name in names}
             result = ev.train(site, self.out, source=self._describe(), progress=step.progress, **options)
         return _report(result, step.seconds, console)
