@@ -7,6 +7,9 @@ from scipy.spatial import cKDTree
 from reconstruction._src.networks.som.density import measure_density
 
 _EVEN_SAMPLES = 20.0  # Samples a unit in an even cloud: enough to average its noise
+_WIDEST = 0.3
+"""Units of an even cloud are no farther apart [m] where each still has `_UNEVEN_SAMPLES`: of a map of few points a
+square meter things would be lost."""
 _UNEVEN_SAMPLES = 6.0
 """Samples a unit where an uneven cloud is sparse, at the percentile `_SPARSE`. Fewer than 20: the error is that
 of the sparse parts, whose surface would be lost; half as many lose it between scan lines."""
@@ -27,7 +30,8 @@ def choose_units(points: Float[np.ndarray, "N 3"]) -> int:
     sample = points[::stride]
     density = measure_density(sample, cKDTree(sample), np.random.default_rng(0))
     if np.ptp(density.spacing) == 0:
-        wanted = len(points) / _EVEN_SAMPLES
+        samples = _EVEN_SAMPLES, (_WIDEST / float(density.spacing[0])) ** 2
+        wanted = len(points) / max(min(samples), _UNEVEN_SAMPLES)
     else:
         # A network shares its units out by these weights: where they are high, a unit has few samples.
         sparse = np.percentile(density.weights, _SPARSE)

@@ -26,6 +26,11 @@ def test_an_even_cloud_has_twenty_samples_a_unit():
     assert choose_units(make_floor(4)) == 4
 
 
+def test_units_of_a_map_of_few_points_a_square_meter_are_near_to_each_other():
+    assert choose_units(3.5 * make_floor(14_000)) == pytest.approx(14**2 / 0.3**2, rel=0.05)
+    assert choose_units(10 * make_floor(14_000)) == 14_000 // 6  # which average the noise
+
+
 @pytest.mark.slow
 def test_an_uneven_cloud_has_more_and_the_scale_does_not_matter():
     points = make_scan(40_000)

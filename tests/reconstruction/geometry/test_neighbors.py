@@ -1,6 +1,8 @@
 """Nearest neighbors that several threads find."""
 
+import os
 import signal
+import threading
 import time
 
 import numpy as np
@@ -21,11 +23,13 @@ def test_it_is_what_one_thread_finds(shape, options):
 
 
 def test_an_interruption_waits_for_the_threads():
-    running = []
+    running, all_run = [], threading.Barrier(os.cpu_count() or 1)
 
     class Slow:
         def query(self, places):
             running.append(len(places))
+            all_run.wait()
+            time.sleep(0.1)  # until the last one has been noted
             if places[0, 0] == 0.0:  # the first part
                 signal.raise_signal(signal.SIGINT)
             time.sleep(0.2)
