@@ -26,7 +26,8 @@ class Cloud:
         seen_from: `[N]` index of the viewpoint that each point was seen from, or None where that is unknown. With
             a single viewpoint it is filled in.
         offset: `[3]` what was subtracted from the file's coordinates: points + offset stand where the file says [m].
-        up: axis that points up, as user or file say, which nothing doubts then; None: nobody said it.
+        up: axis of the file that points up, as the user or the file says, or as the points tell beyond doubt; None:
+            nothing says it.
 
     Raises:
         ScanError: arrays of other shapes, values that are not finite, or an index without a viewpoint.

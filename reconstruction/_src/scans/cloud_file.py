@@ -249,21 +249,22 @@ def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
 
     Other scanners have z up in their own frames: where few beams meet the floor, walls are most of what is level.
     """
+    up = None
     is_there = cloud.viewpoints is None or not cloud.viewpoints.any()
     rotation = find_upright(cloud.points) if is_there else None
     if rotation is not None:
         text = "%s: a camera's readings, turned until the floor is level; --up says otherwise"
         _logger.warning(text, path)
-    elif not is_seen_from_origin(cloud.points) and (axis := find_up(cloud.points)) is not None:
-        rotation = np.array(UP_AXES[axis], dtype=np.float64)
+    elif not is_seen_from_origin(cloud.points) and (up := find_up(cloud.points)) is not None:
+        rotation = np.array(UP_AXES[up], dtype=np.float64)
         text = "%s: %s is taken for up, as a floor or a landscape faces along it; --up says otherwise"
-        _logger.warning(text, path, axis)
+        _logger.warning(text, path, up)
     elif (rotation := find_tilt(cloud.points)) is not None:
         _logger.warning("%s: tilted; turned until the floor is level; --up says otherwise", path)
     else:
         return cloud
     viewpoints = None if cloud.viewpoints is None else cloud.viewpoints @ rotation.T
-    return cloud.replace(points=cloud.points @ rotation.T, viewpoints=viewpoints)
+    return cloud.replace(points=cloud.points @ rotation.T, viewpoints=viewpoints, up=up)
 
 
 def _find_missed(raw: RawPoints) -> Bool[np.ndarray, " N"]:

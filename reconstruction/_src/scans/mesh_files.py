@@ -78,7 +78,8 @@ def load_mesh(
     """Read a mesh with its faces, in meters and with z up; all parts of a scene become one mesh.
 
     The faces keep the order of their vertices. What was subtracted from large coordinates, `[3]` [m], is
-    ``mesh.metadata["offset"]``: see `load_cloud`.
+    ``mesh.metadata["offset"]``: see `load_cloud`; the axis of the file that points up, or None where nothing says it,
+    ``mesh.metadata["up"]``.
 
     Args:
         path: .ply .obj .stl .off .glb .gltf .dae; not compressed.
@@ -99,7 +100,7 @@ def load_mesh(
         vertices = to_meters(raw.points, raw, unit, up, scale)
     offset = find_offset(vertices)
     mesh.vertices = vertices - offset
-    mesh.metadata = {"offset": offset}
+    mesh.metadata = {"offset": offset, "up": up or raw.up}
     return mesh
 
 

@@ -82,7 +82,9 @@ class ScannedSurface:
     dropped: float | None = None  # share of the readings that pre-processing dropped
     # what was subtracted from the coordinates of the scan [m]
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    up: str | None = None  # axis of its file that the user said points up
+    up: str | None = (
+        None  # axis of its file that points up, as user, file or surface say; None: nothing says it
+    )
     cut: str = ""  # what was cut off as far from every reading, in words; nothing where nothing was
     colored: Cloud | None = None  # points with colors, in the frame of the mesh; None: its colors are unknown
     # that of the ground, as robots felt it by their slip; None: nobody did
@@ -182,7 +184,7 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
                     _turn_upright(mesh, path, name)
                 x, y, z = map(float, mesh.metadata["offset"])
                 colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
-                return ScannedSurface(mesh, name, offset=(x, y, z), up=frame.up, colored=colored)
+                return ScannedSurface(mesh, name, offset=(x, y, z), up=mesh.metadata["up"], colored=colored)
             surface = Reconstruction.load(path)
         if not isinstance(surface, trimesh.Trimesh):
             return _take_reconstruction(surface, name if is_file else "reconstruction", frame)
@@ -197,18 +199,21 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
 
 
 def _turn_upright(mesh: trimesh.Trimesh, path: Path, name: str) -> None:
-    """Turn a mesh whose floors face along another axis than z, and log it; refuse one that may have y up."""
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    areas = compute_area_vectors(vertices, faces)
-    up = find_up_axis(areas, vertices[faces].mean(axis=1))
-    if up is None:
+    """Turn a mesh whose floors face along another axis than up, and log it; refuse one that may have y up."""
+    told = mesh.metadata["up"] or "z"
+    to_file, shift = np.array(UP_AXES[told], dtype=np.float64), 2 - "xyz".index(told[-1])
+    vertices, faces = np.asarray(mesh.vertices) @ to_file, np.asarray(mesh.faces)
+    areas = np.roll(compute_area_vectors(vertices, faces), shift, axis=1)  # what is told to be up comes last
+    axis = find_up_axis(areas, np.roll(vertices[faces].mean(axis=1), shift, axis=1))
+    if axis is None:
         if path.suffix.lower() not in _WITH_AXIS and is_y_likely(areas, vertices):
             raise ArenaError(f"{name}: y or z may point up; give --up y or --up z (up='y')")
         return
+    up = axis[:-1] + "xyz"["xyz".index(axis[-1]) - shift]
     _logger.warning("%s: %s is taken for up, as floors face along it; --up says otherwise", name, up)
     axes = np.array(UP_AXES[up], dtype=np.float64)
     mesh.vertices = vertices @ axes.T
-    mesh.metadata["offset"] = axes @ mesh.metadata["offset"]
+    mesh.metadata = {"offset": axes @ to_file.T @ mesh.metadata["offset"], "up": up}
 
 
 def _take_reconstruction(made: "Reconstruction", name: str, frame: MeshFrame) -> ScannedSurface:

@@ -92,7 +92,7 @@ def test_only_on_a_map_the_file_says_that_z_points_up(tmp_path: Path, caplog, is
     ground, trees = (rng.uniform([-60, 0, -60], [60, high, 60], (900, 3)) for high in (0.2, 9.0))
     records = (geo_keys(k3076=9001),) if is_on_map else ()
     cloud = load_cloud(write(tmp_path, "a.las", las(np.concatenate([ground, trees]), vlrs=records)))
-    assert cloud.up == ("z" if is_on_map else None)
+    assert cloud.up == ("z" if is_on_map else "y")
     assert ("y is taken for up" in caplog.text) == (not is_on_map)
 
 

@@ -105,11 +105,23 @@ def test_a_mesh_whose_floor_lies_along_y_is_turned_upright(
     with caplog.at_level("WARNING"):
         arena = sg.make_arena(tmp_path / "floor.ply", cache=False)
     assert "y is taken for up" in caplog.text
-    assert arena.verdict.answer == "yes"
+    assert (arena.verdict.answer, arena.provenance["up"]) == ("yes", "y")
     assert arena.surface.extents == pytest.approx([3.0, 2.0, 0.1])
     command = ["arena", str(tmp_path / "floor.ply"), "--up", "z", "--strict", "--out", str(tmp_path / "a")]
     assert run(command) == 3  # what is said is believed, and so it is a wall
     assert "the largest area to drive on has" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("is_turned", [True, False])
+def test_the_axis_that_a_format_states_is_known_and_checked(tmp_path: Path, is_turned: bool) -> None:
+    """Many programs write .glb with z up, though y is what the format says."""
+    floor = FLOOR.copy().apply_translation([0.0, 0.0, -1.95])
+    if is_turned:
+        floor.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
+    floor.export(tmp_path / "floor.glb")
+    arena = sg.make_arena(tmp_path / "floor.glb", cache=False)
+    assert (arena.verdict.answer, arena.provenance["up"]) == ("yes", "y" if is_turned else "z")
+    np.testing.assert_allclose(arena.surface.bounds, [[-1.5, -1.0, -2.05], [1.5, 1.0, -1.95]], atol=1e-6)
 
 
 @pytest.mark.parametrize("up", [None, "z"])
@@ -137,7 +149,7 @@ def test_a_room_upside_down_is_good_for_no_robot(turns: int, answer: str) -> Non
     room.update_faces(room.triangles_center[:, 2] < 1.2)
     room.invert()
     room.apply_transform(trimesh.transformations.rotation_matrix(turns * np.pi / 2, [1, 0, 0]))
-    for up, opposite in ((None, "-z"), ("z", "-z"), ("-z", "z")):
+    for up, opposite in ((None, "-z"), ("y", "-y"), ("-z", "z")):
         arena = sg.make_arena(room, cache=False)
         verdict = replace(arena, provenance={**arena.provenance, "up": up}).verdict
         assert verdict.answer == answer
