@@ -45,7 +45,7 @@ class Training:
         faults = []
         if champion < GOOD * TRIALS:
             faults.append(
-                f"it holds in fewer than {GOOD * TRIALS:.0f}: a shorter way, or another --seed, may do"
+                f"it holds in fewer than {GOOD * TRIALS:.0f}: a shorter way, or another --seed in a new --out, may do"
             )
         if TRIALS - straight < GOOD * TRIALS:
             faults.append(
