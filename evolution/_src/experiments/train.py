@@ -59,6 +59,7 @@ RUN = "run"  # Folder of the evolution
 OUTPUTS = (*HALVES, RUN, PAGE)
 GENERATIONS = 30
 _SITE = 20.0  # Edge of the square of a larger scan that is used [m]: a Scout drives 10 m in 100 s
+_FEWEST = 100  # With fewer readings such a square holds no ground
 _COLUMN, _PARTS = 0.2, 4  # Width of columns of readings [m], and parts of the edge by which squares are apart
 _MOST = 0.9  # Share of the most columns of level ground that is nearly as many
 _LEVEL = 0.05  # Lowest readings of columns side by side that differ by less are of the same level ground [m]
@@ -278,7 +279,13 @@ def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
     text = "of %.0f m x %.0f m the %g m around (%.1f, %.1f) are used; --start and --goal choose another part"
     logger.warning(text, width, depth, _SITE, *middle)
     low[:2], high[:2] = np.maximum(low[:2], middle - _SITE / 2), np.minimum(high[:2], middle + _SITE / 2)
-    return rc.crop(site, [low, high])
+    part = rc.crop(site, [low, high])
+    if part.num_points < _FEWEST:
+        raise RunError(
+            f"{part.num_points} of {site.num_points} readings lie there, too few for a surface; if the scan is not in "
+            "meters, give --unit or --scale"
+        )
+    return part
 
 
 def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:

@@ -56,6 +56,7 @@ from reconstruction._src.scans.sensor_frame import (
     find_upright,
     has_ground_below,
     is_seen_from_origin,
+    may_look_down,
 )
 from reconstruction._src.scans.survey_files import read_e57, read_las
 from reconstruction._src.scans.text_points import read_obj, read_text, read_vtk
@@ -135,7 +136,7 @@ def load_cloud(
 
     Raises:
         ScanError: the file is absent, broken, too large, of another kind, or holds fewer than three points; there is
-            no such unit or axis; or the viewpoints are no positions.
+            no such unit or axis; z may point down; or the viewpoints are no positions.
         MissingExtraError: the library that reads this kind is not installed.
     """
     path = Path(path)
@@ -255,6 +256,11 @@ def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
     if rotation is not None:
         text = "%s: a camera's readings, turned until the floor is level; --up says otherwise"
         _logger.warning(text, path)
+    elif is_there and may_look_down(cloud.points):
+        raise ScanError(
+            f"{path}: a camera that looks down may have seen it; give --up -z if so, else another axis, such as z "
+            "(up='-z')"
+        )
     elif not is_seen_from_origin(cloud.points) and (up := find_up(cloud.points)) is not None:
         rotation = np.array(UP_AXES[up], dtype=np.float64)
         text = "%s: %s is taken for up, as a floor or a landscape faces along it; --up says otherwise"

@@ -23,6 +23,9 @@ _STAND, _LEAST_BELOW = 0.15, 0.1
 _CAMERA_CONE = np.cos(np.deg2rad(60.0))  # A camera sees nothing farther from its axis
 _MOST_AHEAD = 0.99  # of its readings; some fly
 _CAMERA_RANGE = 10.0  # Median of the ranges of a depth camera, at most [m]
+_LEAST_NEAR, _NEARER = 0.02, 5.0
+"""Share of the readings that stand out to a camera from a level surface, and over that of those behind it, at least: a
+floor hides what is below it."""
 _MOST_TILT = np.cos(np.deg2rad(50.0))  # A camera is held so far from upright, at most
 _LEVEL = np.cos(np.deg2rad(10.0))  # Normals of level surfaces are so near to each other
 _UPRIGHT = np.sin(np.deg2rad(10.0))  # So near to level are normals of walls
@@ -73,10 +76,8 @@ def find_upright(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] |
     Of the surfaces that look to the camera enough look up, within 50 degrees of y: those that most of these agree with
     are level, as floors, tables and shelves are.
     """
-    drawn = _draw(points, _NUM_SAMPLES)
-    ranges, ahead = np.linalg.norm(drawn, axis=1), np.sign(np.median(drawn[:, 2]))
-    is_ahead = ahead * drawn[:, 2] >= _CAMERA_CONE * ranges
-    if is_ahead.mean() < _MOST_AHEAD or np.median(ranges) > _CAMERA_RANGE or not is_seen_from_origin(points):
+    ahead = _find_ahead(points)
+    if not ahead:
         return None
     places, normals = _find_flat(points)
     normals *= -np.sign(np.sum(normals * places, axis=1))[:, None]  # to the camera
@@ -86,6 +87,34 @@ def find_upright(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "3 3"] |
         if up is not None:
             return _make_level(up) @ axes
     return None
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of broken coordinates
+def may_look_down(points: Float[np.ndarray, "N 3"]) -> bool:
+    """Return whether readings may be those of a camera at the origin that looks down along z.
+
+    From a level surface things stand out to the camera, and hardly any away from it, as they do on ground with z up.
+    """
+    if _find_ahead(points) <= 0.0:
+        return False
+    places, normals = _find_flat(points)
+    away = _find_level(normals * np.where(normals[:, 2:] < 0.0, -1.0, 1.0))
+    if away is None:
+        return False
+    level = np.median(places[np.abs(normals @ away) > _LEVEL] @ away)
+    beyond = _draw(points, _NUM_SAMPLES) @ away - level
+    near, far = (beyond < -_STAND).mean(), (beyond > _STAND).mean()
+    return bool(near > max(_LEAST_NEAR, _NEARER * far))
+
+
+def _find_ahead(points: Float[np.ndarray, "N 3"]) -> float:
+    """Return 1 or -1, the sign of z before a camera at the origin that can have taken all readings; 0 of others."""
+    drawn = _draw(points, _NUM_SAMPLES)
+    ranges, ahead = np.linalg.norm(drawn, axis=1), np.sign(np.median(drawn[:, 2]))
+    is_ahead = ahead * drawn[:, 2] >= _CAMERA_CONE * ranges
+    if is_ahead.mean() < _MOST_AHEAD or np.median(ranges) > _CAMERA_RANGE or not is_seen_from_origin(points):
+        return 0.0
+    return float(ahead)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of broken coordinates

@@ -135,6 +135,9 @@ def test_of_a_large_scan_the_part_around_the_ends_is_used(ends, middle, caplog) 
     low, high = part.points.min(axis=0), part.points.max(axis=0)
     assert (low[0] + high[0]) / 2 == pytest.approx(middle, abs=0.3)
     assert "of 60 m x 8 m the 20 m around" in caplog.text
+    millimeters = rc.Cloud(1000.0 * make_scan().points)
+    with pytest.raises(ev.RunError, match=r"^\d+ of \d+ readings lie there, too few .*--unit or --scale"):
+        crop_large(millimeters, ())
 
 
 def test_of_a_large_scan_the_part_with_most_level_ground_is_used() -> None:

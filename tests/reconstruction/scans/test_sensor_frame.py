@@ -1,5 +1,6 @@
 """Clouds whose files say nothing: where the scanner stood, and which way is up."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from reconstruction._src.scans.sensor_frame import (
     find_upright,
     has_ground_below,
     is_seen_from_origin,
+    may_look_down,
 )
 
 ROOM = [
@@ -105,6 +107,21 @@ def test_what_only_lies_ahead_or_shows_no_floor_is_no_camera_s() -> None:
     assert find_upright(points[is_wall | few]) is None
     surfaces = trimesh.sample.sample_surface(trimesh.util.concatenate(ROOM), 20_000, seed=0)[0]
     assert find_upright(surfaces @ CAMERA_AXES + np.array([0.0, 0.0, 8.0])) is None  # a map before the origin
+
+
+@pytest.mark.parametrize(("depth", "looks_down"), [(2.5, True), (3.0, False), (3.5, False)])
+def test_a_camera_that_may_look_down_is_asked_about(tmp_path: Path, depth: float, looks_down: bool) -> None:
+    """What stands out to the origin hangs below ground; what stands on it lies behind."""
+    u, v = np.meshgrid(np.linspace(-0.6, 0.6, 160), np.linspace(-0.45, 0.45, 120))
+    z = np.where((np.abs(u) < 0.15) & (np.abs(v - 0.1) < 0.15), depth, 3.0).ravel()
+    points = np.stack([u.ravel() * z, v.ravel() * z, z], axis=1)
+    assert may_look_down(points) == looks_down
+    np.save(tmp_path / "seen.npy", points)
+    with pytest.raises(rc.ScanError, match="give --up -z if so") if looks_down else nullcontext():
+        assert rc.load_cloud(tmp_path / "seen.npy").points == pytest.approx(points)
+    cloud = rc.load_cloud(tmp_path / "seen.npy", up="-z")
+    assert cloud.viewpoints == pytest.approx(np.zeros((1, 3)))
+    assert np.median(cloud.points[:, 2]) == pytest.approx(-3.0)
 
 
 def test_walls_without_a_floor_are_not_turned_and_viewpoints_of_a_file_are(tmp_path: Path) -> None:
