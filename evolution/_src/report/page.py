@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from evolution._src.report.figures import compute_width, to_png
@@ -25,6 +26,9 @@ def make_templates(*folders: Path) -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
     )
     templates.filters["anchor"] = lambda title: re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+    templates.filters["mark_options"] = lambda text: Markup(
+        re.sub(r"--[a-z-]+", r"<code>\g<0></code>", str(escape(text)))
+    )
     return templates
 
 

@@ -84,7 +84,7 @@ def test_a_film_holds_its_frames(tmp_path: Path) -> None:
 def test_the_page_holds_everything_itself(tmp_path: Path) -> None:
     page = report.Page("A <title>", "summary", "footer")
     page.add_section("Section", "text & more")
-    for text, good in (("it holds", True), ("in part", None), ("it fails", False)):
+    for text, good in (("it holds", True), ("in part: < 2 % (--crop)", None), ("it fails", False)):
         page.add_verdict(text, good=good)
     page.add_figure(encode_png(np.zeros((4, 6, 3), np.uint8)), "a caption")
     page.add_video(b"mp4", "a film")
@@ -94,6 +94,7 @@ def test_the_page_holds_everything_itself(tmp_path: Path) -> None:
     html = path.read_text()
     assert "A &lt;title&gt;" in html
     assert "text &amp; more" in html
+    assert "in part: &lt; 2 % (<code>--crop</code>)" in html  # no line ends in an option
     assert "<td class=text>boxes</td>" in html  # columns of words stand left
     assert "<td>1.5</td>" in html
     assert not re.findall(r'(?:src|href)="(?!data:)', html)
