@@ -81,6 +81,7 @@ def test_the_search_for_posix_finds_it() -> None:
         ("linux", {"DISPLAY": ":0"}, None),
         ("linux", {"WAYLAND_DISPLAY": "wayland-0"}, None),
         ("linux", {"MUJOCO_GL": "osmesa"}, "osmesa"),
+        ("linux", {"MUJOCO_GL": ""}, "egl"),
         ("darwin", {}, None),
         ("win32", {}, None),
     ],

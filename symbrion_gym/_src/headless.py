@@ -14,8 +14,8 @@ def has_display() -> bool:
 
 def prefer_egl() -> None:
     """Select EGL where there is no display and the user has selected nothing; macOS and Windows refuse EGL."""
-    if not has_display():
-        os.environ.setdefault("MUJOCO_GL", "egl")
+    if not has_display() and not os.environ.get("MUJOCO_GL"):
+        os.environ["MUJOCO_GL"] = "egl"
 
 
 prefer_egl()

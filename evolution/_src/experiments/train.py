@@ -93,7 +93,11 @@ _REACH = 1.75  # Length of such a row over the width of the gap: eight Scouts cr
 
 
 def read_site(
-    path: str | Path, viewpoints: ArrayLike | None = None, max_pieces: int | None = None, **frame: Any
+    path: str | Path,
+    viewpoints: ArrayLike | None = None,
+    max_pieces: int | None = None,
+    progress: Progress = silent,
+    **frame: Any,
 ) -> Site:
     """Return what a file holds: a scan log, a cloud or, of a mesh or an arena folder, an arena.
 
@@ -101,6 +105,7 @@ def read_site(
         path: a file or folder.
         viewpoints: where the scanner stood, in the coordinates of the file with z up [m].
         max_pieces: of the arena of a mesh, as of `make_arena`.
+        progress: of its making.
         frame: unit, up, scale and classes, as of `reconstruction.load_cloud`.
     """
     path, given = Path(path), {name: value for name, value in frame.items() if value not in (None, 1.0)}
@@ -111,7 +116,9 @@ def read_site(
             raise rc.ScanError(f"{path} is a scan log, which says all about its frame; leave out the others")
         return rc.load_scan_log(path)
     if rc.is_mesh(path):
-        return sg.make_arena(path, viewpoints=viewpoints, **_make_options(max_pieces), **given)
+        return sg.make_arena(
+            path, viewpoints=viewpoints, progress=progress, **_make_options(max_pieces), **given
+        )
     return rc.load_cloud(path, viewpoints=viewpoints, **given)
 
 
@@ -171,14 +178,15 @@ def train(
     _claim(folder, {"scan": _digest(site), "seed": seed, **options})
     with lock_folder(folder):
         ends = [place[:2] for place in (start, goal) if place is not None]
-        arenas = make_models(site, folder, seed, _part(progress, 0.02, 0.6), ends, max_pieces)
+        arenas = make_models(site, folder, seed, cover_part(progress, 0.02, 0.6), ends, max_pieces)
         verdict = arenas[0].verdict
         if verdict.answer == "no":
             raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
-        run = evolve_or_resume(config, _part(progress, 0.6, 0.85))
+        run = evolve_or_resume(config, cover_part(progress, 0.6, 0.85))
         progress("judging the champion", 0.85)
-        known = {"training": arenas[0], "other half": arenas[1]} | ({} if truth is None else {"truth": truth})
+        second = "scan of it" if isinstance(site, sg.Arena) else "other half"
+        known = {"training": arenas[0], second: arenas[1]} | ({} if truth is None else {"truth": truth})
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
         result = Training(folder, arenas[0], arenas[1], verdict, run, held, folder / PAGE)
         progress("writing the page", 0.9)
@@ -221,15 +229,15 @@ def _claim(folder: Path, options: dict[str, Any]) -> None:
     """Claim a folder; where nothing has evolved, as after a refusal, other options make models anew."""
     try:
         claim_folder(folder, MARKER, options, OUTPUTS)
-    except RunError:
+    except RunError as error:
         refuse_foreign_files(folder, MARKER, OUTPUTS)
         if (folder / RUN).exists():
-            raise
+            raise RunError(f"{error}; without {folder / RUN} its models serve another way") from None
         with lock_folder(folder):
             write_json(folder / MARKER, options)
 
 
-def _part(progress: Progress, low: float, high: float, what: str = "") -> Progress:
+def cover_part(progress: Progress, low: float, high: float, what: str = "") -> Progress:
     """Return a progress that covers a part of another, and says of what."""
     return lambda message, share: progress(what + message, low + (high - low) * share)
 
@@ -276,8 +284,9 @@ def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
     if max(width, depth) <= _SITE:
         return site
     middle = np.mean(ends, axis=0) if ends else _find_ground(site.points)
-    text = "of %.0f m x %.0f m the %g m around (%.1f, %.1f) are used; --start and --goal choose another part"
-    logger.warning(text, width, depth, _SITE, *middle)
+    remedy = "" if ends else "; --start and --goal choose another part"
+    text = "of %.0f m x %.0f m the %g m around (%.1f, %.1f) are used%s"
+    logger.warning(text, width, depth, _SITE, *middle, remedy)
     low[:2], high[:2] = np.maximum(low[:2], middle - _SITE / 2), np.minimum(high[:2], middle + _SITE / 2)
     part = rc.crop(site, [low, high])
     if part.num_points < _FEWEST:
@@ -360,7 +369,7 @@ def make_models(
             made = [site]
             if site.verdict.answer != "no":
                 readings = keep_low(crop_large(scan_mesh(site, seed + 1), ends))
-                part = _part(progress, 0.5, 1.0, "scan of it: ")
+                part = cover_part(progress, 0.5, 1.0, "scan of it: ")
                 again = _make_model(readings, seed + 1, HALVES[1], part, **options)
                 made.append(_mark_unconfirmed(again, site))
         else:
@@ -368,7 +377,7 @@ def make_models(
             made = []
             for k, (half, each) in enumerate(zip(halves, folders, strict=True)):
                 if not _is_kept(each, f"half of {of}"):
-                    part = _part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: ")
+                    part = cover_part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: ")
                     _keep(_make_model(half, seed + k, HALVES[k], part, **options), each, f"half of {of}")
                 made.append(sg.Arena.load(each))
                 if made[0].verdict.answer == "no":
@@ -396,9 +405,9 @@ def _make_model(
     if isinstance(half, rc.ScanLog):
         readings, points = rc.make_log_cloud(rc.level_floor(half)), rc.thin(points, SPACING)
     made = rc.reconstruct(
-        points, readings=cast(rc.Cloud, readings), seed=seed, progress=_part(progress, 0.0, 0.4)
+        points, readings=cast(rc.Cloud, readings), seed=seed, progress=cover_part(progress, 0.0, 0.4)
     )
-    return sg.make_arena(made, name=name, seed=seed, progress=_part(progress, 0.4, 1.0), **options)
+    return sg.make_arena(made, name=name, seed=seed, progress=cover_part(progress, 0.4, 1.0), **options)
 
 
 def _mark_unconfirmed(arena: sg.Arena, other: sg.Arena) -> sg.Arena:
@@ -428,7 +437,7 @@ def choose_task(
         conditions = {"randomization": _AS_SCANNED, "validation": _CONFIRMED}
         return EvolutionConfig(organism=crossing, **conditions, **task, **common)
     body = body or sg.snake(1)
-    problem: ValueError = sg.ArenaError("a robot can drive nowhere on ground that both models confirm")
+    problem = None
     for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):
         task = {"task": "reach", "track_control": "skid", **way}
         try:
@@ -440,7 +449,13 @@ def choose_task(
             return EvolutionConfig(
                 organism=body, controller="posture", randomization=_LOCALIZED, **task, **common
             )
-    raise RunError(f"no way in {folder / HALVES[0]}: {problem}; give --start and --goal, or scan more ground")
+    shown = folder / HALVES[0]
+    if problem is None:
+        raise RunError(
+            f"a robot can drive nowhere on ground that both models confirm, as symbrion view {shown} shows; check its "
+            "scale and axis, or scan more ground"
+        )
+    raise RunError(f"no way in {shown}: {problem}; give --start and --goal, or scan more ground")
 
 
 def _find_crossing(

@@ -42,7 +42,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
         "in the other, which evolution never saw.",
         footer=f"symbrion train {source} {options} · {describe_machine()}",
     )
-    for name, model in (("training", arena), ("other half", result.other)):
+    for name, model in zip(result.held, (arena, result.other), strict=False):
         good = {"yes": True, "in part": None}.get(model.verdict.answer, False)
         page.add_verdict(f"Model, {name}: {model.verdict}.", good=good)
     for place, drivers in result.held.items():
@@ -97,7 +97,9 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
     page.add_table(["gene", "value"], genes, f"The champion; controller: {champion.controller}.")
     folder = shlex.quote(str(result.folder))
     page.add_section("Going on")
+    made = f'"symbrion_gym/Reach-easy-v0", arena={str(result.folder / "arena")!r}, start={config.start}, goal={config.goal}'
     page.add_list([
+        *([f"in Python: gym.make({made}, sensors=(\"goal\",))"] if goal and champion.modules == 1 else []),
         f"symbrion view {folder}/arena shows the site and where to drive",
         f"symbrion train {source} --out NEW --start X Y --goal X Y trains another way; two clicks on the site write it",
         f"symbrion replay {folder}/run --arena {folder}/other --video champion.mp4",
@@ -106,11 +108,9 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
 
 
 def _describe_models(result: Training) -> str:
-    if result.arena.provenance.get("source") == "reconstruction":
+    if "other half" in result.held:
         return "Two models of the site are those of two halves of a scan, which share no reading."
-    return (
-        "The second model of the site is that of a scan of the first, a mesh: it shares what that has wrong."
-    )
+    return "The second model of the site is that of a scan of the first: it shares what that has wrong."
 
 
 def _make_route(positions: np.ndarray, height: float, goal: Sequence[float] | None) -> DrivingRoute:

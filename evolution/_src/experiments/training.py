@@ -25,8 +25,8 @@ class Training:
         other: model of the other half; of a mesh or an arena folder, which have no readings, that of a scan of it.
         verdict: whether the first model is good for a robot, with what the other half does not confirm.
         run: the evolution; `run.champion` drives.
-        held: where ("training", "other half", "truth" where it is known) -> who drives ("champion", "doing nothing",
-            "tracks forward") -> successes in `TRIALS` trials with fresh conditions.
+        held: where ("training", "other half" or "scan of it", "truth" where it is known) -> who drives ("champion",
+            "doing nothing", "tracks forward") -> successes in `TRIALS` trials with fresh conditions.
         page: the report.
     """
 
@@ -61,4 +61,4 @@ class Training:
     @property
     def held_in_other_half(self) -> int:
         """Successes of the champion in the model that evolution has not seen."""
-        return self.held["other half"]["champion"]
+        return list(self.held.values())[1]["champion"]

@@ -180,6 +180,10 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
             check_has_surface(path)
             if path.suffix.lower() != ".npz":
                 mesh = load_mesh(path, *frame)
+                odd = describe_odd_size(np.asarray(mesh.vertices))
+                if odd and frame.unit is None and frame.scale == 1.0:
+                    remedy = "give its --unit or --scale, or --unit m if that is right (in Python unit=)"
+                    raise ArenaError(f"{name}: {odd}; {remedy}")
                 if frame.up is None:
                     _turn_upright(mesh, path, name)
                 x, y, z = map(float, mesh.metadata["offset"])
@@ -207,7 +211,7 @@ def _turn_upright(mesh: trimesh.Trimesh, path: Path, name: str) -> None:
     axis = find_up_axis(areas, np.roll(vertices[faces].mean(axis=1), shift, axis=1))
     if axis is None:
         if path.suffix.lower() not in _WITH_AXIS and is_y_likely(areas, vertices):
-            raise ArenaError(f"{name}: y or z may point up; give --up y, -y, z or -z (up='y')")
+            raise ArenaError(f"{name}: y or z may point up; give --up y, -y, z or -z (in Python up=)")
         return
     up = axis[:-1] + "xyz"["xyz".index(axis[-1]) - shift]
     _logger.warning("%s: %s is taken for up, as floors face along it; --up says otherwise", name, up)

@@ -1,11 +1,15 @@
 """From a scan to a robot that drives there, on a small floor."""
 
+import html
+import re
+import shutil
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
@@ -16,6 +20,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.cli.commands.experiments import Train
 from evolution._src.cli.main import run
+from evolution._src.experiments import folders
 from evolution._src.experiments import train as training
 from evolution._src.experiments.train import choose_task, crop_large, keep_low, split_readings
 from evolution._src.experiments.train_page import _compare_models, _make_scene
@@ -54,17 +59,30 @@ def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: p
     assert result.held_in_other_half >= 5
     for drivers in result.held.values():
         assert max(drivers["doing nothing"], drivers["tracks forward"]) <= 1
-    assert "holds in" in result.page.read_text(encoding="utf-8")
+    page = html.unescape(result.page.read_text(encoding="utf-8"))
+    assert "holds in" in page
+    found = re.search(r"gym\.make\((.*?)\)</li>", page)
+    assert found is not None
+    env = eval(f"gym.make({found[1]})", {"gym": gym})  # what the page advises
+    assert env.reset(seed=0)[0].shape == env.observation_space.shape
+    env.close()
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("done again")
 
+    evolve = folders.evolve
     monkeypatch.setattr(training, "_make_model", refuse)
     monkeypatch.setattr("evolution._src.experiments.folders.evolve", refuse)
     again = ev.train(make_scan(), tmp_path / "mine", workers=1)
     assert (again.held, again.run.champion) == (result.held, result.run.champion)
     with pytest.raises(ev.RunError, match=r"other options \(scan\)"):
         ev.train(make_scan(seed=1), tmp_path / "mine")
+    with pytest.raises(ev.RunError, match=r"other options \(goal\).* its models serve another way"):
+        ev.train(make_scan(), tmp_path / "mine", goal=(0.5, 0.0))
+    monkeypatch.setattr("evolution._src.experiments.folders.evolve", evolve)
+    shutil.rmtree(tmp_path / "mine" / "run")
+    other = ev.train(make_scan(), tmp_path / "mine", goal=(0.5, 0.0), workers=2)
+    assert other.run.config.goal == (0.5, 0.0)
 
 
 def test_who_is_interrupted_between_two_models_does_not_make_the_first_again(

@@ -22,7 +22,15 @@ from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
 
 
-def test_a_mesh_in_millimeters_is_asked_about():
+def test_a_mesh_in_millimeters_is_asked_about(tmp_path):
+    trimesh.creation.box([4000.0, 3000.0, 2500.0]).export(tmp_path / "room.stl")
+    with pytest.raises(
+        ArenaError, match=r"is 4,000 m, above 1000 m; give its --unit or --scale, or --unit m"
+    ):
+        take_surface(tmp_path / "room.stl")
+    for unit, size in (("mm", 4.0), ("m", 4000.0)):
+        taken = take_surface(tmp_path / "room.stl", frame=MeshFrame(unit, "z"))
+        assert np.ptp(taken.mesh.vertices[:, 0]) == pytest.approx(size)
     assert not find_doubts(take_surface(trimesh.creation.box([4.0, 3.0, 2.5])))
     (doubt,) = find_doubts(take_surface(trimesh.creation.box([4000.0, 3000.0, 2500.0])))
     assert "another unit" in doubt

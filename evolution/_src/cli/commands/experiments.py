@@ -123,18 +123,23 @@ class Train(FrameCommand, Experiment):
     def run(self, console: Console) -> dict[str, Any]:
         import evolution as ev
         import reconstruction as rc
-        from evolution._src.experiments.train import read_site
+        from evolution._src.experiments.train import cover_part, read_site
 
+        is_mesh = self.scan.is_file() and rc.is_mesh(self.scan)
+        if self.crop is not None and (is_mesh or self.scan.is_dir() or rc.is_scan_log(self.scan)):
+            raise UsageError(f"--crop is for points, which {self.scan} are not")
         with console.track(f"Training in {self.scan.name}") as step:
             frame = {"unit": self.unit, "up": self.up, "scale": self.scale, "classes": self.classes or None}
-            site = read_site(self.scan, self.viewpoint or None, self.max_pieces, **frame)
+            begun = 0.3 if is_mesh else 0.0  # its arena is made where it is read
+            making = cover_part(step.progress, 0.0, begun)
+            site = read_site(self.scan, self.viewpoint or None, self.max_pieces, making, **frame)
             if self.crop is not None:
-                if not isinstance(site, rc.Cloud):
-                    raise UsageError(f"--crop is for points, which {self.scan} are not")
+                assert isinstance(site, rc.Cloud)
                 site = crop_cloud(site, np.reshape(self.crop, (3, 2)).T, self.scan)
             names = ("start", "goal", "organism", "max_pieces", "seed", "workers")
             options: dict[str, Any] = {name: getattr(self, name) for name in names}
-            result = ev.train(site, self.out, source=self._describe(), progress=step.progress, **options)
+            options["progress"] = cover_part(step.progress, begun, 1.0)
+            result = ev.train(site, self.out, source=self._describe(), **options)
         return _report(result, step.seconds, console)
 
     def _describe(self) -> str:
@@ -152,7 +157,7 @@ def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
     from evolution._src.experiments.training import TRIALS
 
     config = result.run.config
-    for where, arena in (("training", result.arena), ("other half", result.other)):
+    for where, arena in zip(result.held, (result.arena, result.other), strict=False):
         console.print_line(f"model, {where}: {arena.verdict}")
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
     way = " to ".join(map(str, places)) if config.goal else "across the gap"
