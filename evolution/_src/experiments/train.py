@@ -116,14 +116,21 @@ def read_site(
             raise rc.ScanError(f"{path} is a scan log, which says all about its frame; leave out the others")
         return rc.load_scan_log(path)
     if rc.is_mesh(path):
-        return sg.make_arena(
-            path, viewpoints=viewpoints, progress=progress, **_make_options(max_pieces), **given
-        )
+        return _make_arena(path, max_pieces, viewpoints=viewpoints, progress=progress, **given)
     return rc.load_cloud(path, viewpoints=viewpoints, **given)
 
 
-def _make_options(max_pieces: int | None) -> dict[str, Any]:
-    return {} if max_pieces is None else {"max_pieces": max_pieces}
+def _make_arena(source: Any, max_pieces: int | None, **options: Any) -> sg.Arena:
+    """Return an arena; where nothing but the number of its pieces is wrong, and none is given, of twice as many."""
+    if max_pieces is not None:
+        options["max_pieces"] = max_pieces
+    arena = sg.make_arena(source, **options)
+    remedies = [reason.remedy for reason in arena.verdict.reasons if reason.answer == "no"]
+    if max_pieces is not None or not remedies or not all("--max-pieces" in each for each in remedies):
+        return arena
+    most = 2 * arena.provenance["options"]["max_pieces"]
+    logger.warning("the arena is made again, of up to %d pieces", most)
+    return sg.make_arena(source, max_pieces=most, **options)
 
 
 def train(
@@ -152,7 +159,7 @@ def train(
         goal: likewise; chosen so that the way has a corner.
         organism: body, by name, number of modules or `Organism`; None: a lone Scout, or a row that crosses the gap
             between start and goal.
-        max_pieces: of each model, as of `make_arena`.
+        max_pieces: of each model, as of `make_arena`; None: 2200, or twice as many where these alone make it a "no".
         truth: the exact arena where it is known, in which the champion is judged, too.
         source: the scan and how it is read, as the command on the page is to say it.
         seed: of everything; equal seeds give equal results.
@@ -363,14 +370,13 @@ def make_models(
     folders = [folder / name for name in HALVES]
     ends = ends if np.ptp(_find_places(site)[:, :2], axis=0).max() > _SITE else ()
     of = f"{_digest(site)} {seed} {ends} {max_pieces}"
-    options = _make_options(max_pieces)
     if not _is_kept(folders[1], of):
         if isinstance(site, sg.Arena):
             made = [site]
             if site.verdict.answer != "no":
                 readings = keep_low(crop_large(scan_mesh(site, seed + 1), ends))
                 part = cover_part(progress, 0.5, 1.0, "scan of it: ")
-                again = _make_model(readings, seed + 1, HALVES[1], part, **options)
+                again = _make_model(readings, seed + 1, HALVES[1], part, max_pieces)
                 made.append(_mark_unconfirmed(again, site))
         else:
             halves = split_readings(keep_low(crop_large(site, ends)) if isinstance(site, rc.Cloud) else site)
@@ -378,7 +384,7 @@ def make_models(
             for k, (half, each) in enumerate(zip(halves, folders, strict=True)):
                 if not _is_kept(each, f"half of {of}"):
                     part = cover_part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: ")
-                    _keep(_make_model(half, seed + k, HALVES[k], part, **options), each, f"half of {of}")
+                    _keep(_make_model(half, seed + k, HALVES[k], part, max_pieces), each, f"half of {of}")
                 made.append(sg.Arena.load(each))
                 if made[0].verdict.answer == "no":
                     break
@@ -399,7 +405,7 @@ def _keep(arena: sg.Arena, folder: Path, of: str) -> None:
 
 
 def _make_model(
-    half: rc.ScanLog | rc.Cloud, seed: int, name: str, progress: Progress, **options: Any
+    half: rc.ScanLog | rc.Cloud, seed: int, name: str, progress: Progress, max_pieces: int | None
 ) -> sg.Arena:
     readings, points = half, rc.preprocess_cloud(half)
     if isinstance(half, rc.ScanLog):
@@ -407,7 +413,7 @@ def _make_model(
     made = rc.reconstruct(
         points, readings=cast(rc.Cloud, readings), seed=seed, progress=cover_part(progress, 0.0, 0.4)
     )
-    return sg.make_arena(made, name=name, seed=seed, progress=cover_part(progress, 0.4, 1.0), **options)
+    return _make_arena(made, max_pieces, name=name, seed=seed, progress=cover_part(progress, 0.4, 1.0))
 
 
 def _mark_unconfirmed(arena: sg.Arena, other: sg.Arena) -> sg.Arena:

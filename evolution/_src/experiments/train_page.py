@@ -97,9 +97,10 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
     page.add_table(["gene", "value"], genes, f"The champion; controller: {champion.controller}.")
     folder = shlex.quote(str(result.folder))
     page.add_section("Going on")
-    made = f'"symbrion_gym/Reach-easy-v0", arena={str(result.folder / "arena")!r}, start={config.start}, goal={config.goal}'
+    site = f"arena={str(result.folder / 'arena')!r}, start={config.start}, goal={config.goal}"
+    made = f"in Python: gym.make('symbrion_gym/Reach-easy-v0', {site}, sensors=('goal',))"
     page.add_list([
-        *([f"in Python: gym.make({made}, sensors=(\"goal\",))"] if goal and champion.modules == 1 else []),
+        *([made] if goal and champion.modules == 1 else []),
         f"symbrion view {folder}/arena shows the site and where to drive",
         f"symbrion train {source} --out NEW --start X Y --goal X Y trains another way; two clicks on the site write it",
         f"symbrion replay {folder}/run --arena {folder}/other --video champion.mp4",

@@ -26,6 +26,7 @@ from evolution._src.experiments.train import choose_task, crop_large, keep_low, 
 from evolution._src.experiments.train_page import _compare_models, _make_scene
 from evolution._src.experiments.training import Training
 from reconstruction._src.base.progress import silent
+from symbrion_gym._src.arenas.verdict import Reason, Verdict
 from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.tasks.paths import find_path
@@ -83,6 +84,31 @@ def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: p
     shutil.rmtree(tmp_path / "mine" / "run")
     other = ev.train(make_scan(), tmp_path / "mine", goal=(0.5, 0.0), workers=2)
     assert other.run.config.goal == (0.5, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("remedies", "given", "asked"),
+    [
+        ([], None, [None]),
+        (["allow more pieces: --max-pieces 4400"], None, [None, 4400]),
+        (["allow more pieces: --max-pieces 4400"], 2200, [2200]),
+        (["allow more pieces: --max-pieces 4400", "scan more ground"], None, [None]),
+    ],
+)
+def test_an_arena_that_wants_only_pieces_gets_twice_as_many(
+    monkeypatch: pytest.MonkeyPatch, remedies: list[str], given: int | None, asked: list[int | None]
+) -> None:
+    seen: list[int | None] = []
+    reasons = tuple(Reason("uncovered", 0.2, "no", "some", each) for each in remedies)
+
+    def make(_: object, max_pieces: int | None = None) -> object:
+        seen.append(max_pieces)
+        provenance = {"options": {"max_pieces": max_pieces or 2200}}
+        return SimpleNamespace(verdict=Verdict("no", reasons), provenance=provenance)
+
+    monkeypatch.setattr(sg, "make_arena", make)
+    training._make_arena("scan", given)
+    assert seen == asked
 
 
 def test_who_is_interrupted_between_two_models_does_not_make_the_first_again(

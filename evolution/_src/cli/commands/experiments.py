@@ -107,7 +107,7 @@ class Train(FrameCommand, Experiment):
     """The body: a number of modules in a row, a body plan, or the name or file of one. Default: a lone Scout, or a row
     that crosses the gap between --start and --goal."""
     max_pieces: int | None = None
-    """Most contact pieces of each model. Default: 2200."""
+    """Most contact pieces of each model. Default: 2200, or twice as many where these alone make it a no."""
 
     def check(self) -> None:
         super().check()
