@@ -246,10 +246,7 @@ def _make_cloud(
 
 
 def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
-    """Return a camera's readings with a level floor, and others so that their level surfaces do not stand upright.
-
-    Other scanners have z up in their own frames: where few beams meet the floor, walls are most of what is level.
-    """
+    """Return a camera's readings with a level floor, and others so that their level surfaces do not stand upright."""
     up = None
     is_there = cloud.viewpoints is None or not cloud.viewpoints.any()
     rotation = find_upright(cloud.points) if is_there else None
@@ -261,7 +258,7 @@ def _turn_upright(path: Path, cloud: Cloud) -> Cloud:
             f"{path}: a camera that looks down may have seen it; give --up -z if so, else another axis, such as z "
             "(up='-z')"
         )
-    elif not is_seen_from_origin(cloud.points) and (up := find_up(cloud.points)) is not None:
+    elif (up := find_up(cloud.points)) is not None:
         rotation = np.array(UP_AXES[up], dtype=np.float64)
         text = "%s: %s is taken for up, as a floor or a landscape faces along it; --up says otherwise"
         _logger.warning(text, path, up)

@@ -156,13 +156,20 @@ def _make_level(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
 def find_up(points: Float[np.ndarray, "N 3"]) -> str | None:
     """Return the axis that points up where it is not z beyond doubt: that along which a landscape is flat.
 
-    Of anything else it is as `find_up_axis` finds it by the flat parts.
+    Of anything else it is as `find_up_axis` finds it by the flat parts, unless it was seen from the origin: other
+    scanners than cameras have z up in their own frames, and where few beams meet the floor, walls are most of what is
+    level.
     """
     low, middle, high = np.percentile(_draw(points, _NUM_SAMPLES), [1, 50, 99], axis=0)
     axis = int((high - low).argmin())
     others = np.delete(high - low, axis).min()
     if axis != 2 and others > max(_LANDSCAPE, _FLATNESS * (high - low)[axis]):
-        return f"{'-' if (middle - low)[axis] > _HIGH * (high - low)[axis] else ''}{'xyz'[axis]}"
+        is_hung = (middle - low)[axis] > _HIGH * (high - low)[axis]
+        if is_seen_from_origin(points):  # by a scanner that stood over it
+            is_hung = middle[axis] > 0.0
+        return f"{'-' if is_hung else ''}{'xyz'[axis]}"
+    if is_seen_from_origin(points):
+        return None
     places, normals = _find_flat(points)
     return find_up_axis(normals, places) if len(places) >= _FEWEST else None
 

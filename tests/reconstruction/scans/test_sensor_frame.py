@@ -235,7 +235,8 @@ def test_a_scanner_between_long_walls_is_not_turned(tmp_path: Path) -> None:
     )
     reach = 1.0 / np.maximum(np.abs(rays / [10.0, 1.5, 1.0]).max(axis=1), 1e-9)
     points = rays * reach[:, None]
-    assert find_up(points) in ("y", "-y")
+    assert find_up(points) is None
+    assert find_up(points + np.array([0.0, 90.0, 0.0])) in ("y", "-y")  # not seen from the origin
     np.save(tmp_path / "corridor.npy", points)
     np.testing.assert_array_equal(rc.load_cloud(tmp_path / "corridor.npy").points, points)
 
@@ -249,6 +250,12 @@ def test_up_of_a_landscape_is_where_it_is_flat(up: str) -> None:
     landscape = np.concatenate([ground, trees])
     assert find_up(landscape) is None
     assert find_up(landscape @ np.array(UP_AXES[up])) == up
+    heading, away = np.meshgrid(np.linspace(-np.pi, np.pi, 720), np.geomspace(3.0, 60.0, 32))
+    seen = np.stack(
+        [away * np.cos(heading), away * np.sin(heading), np.full(away.shape, -2.0)], axis=-1
+    ).reshape(-1, 3)
+    assert is_seen_from_origin(seen)
+    assert find_up(seen @ np.array(UP_AXES[up])) == up
     assert find_up(0.3 * landscape @ np.array(UP_AXES[up])) is None
     assert find_up(landscape * [1.0, 1.0, 4.0] @ np.array(UP_AXES[up])) is None  # towers
 
