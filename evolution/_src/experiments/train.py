@@ -575,7 +575,8 @@ def _find_confirmed(
     for ground in grounds[1:]:
         places = first.positions[chosen]
         found = ground.sorted_heights.find_nearest(ground.grid.compute_cells(places[:, :2]), places[:, 2])
-        is_there = (found >= 0) & (np.abs(ground.height[found] - places[:, 2]) <= 2 * _AGREE)
+        chosen, found = chosen[found >= 0], found[found >= 0]
+        is_there = np.abs(ground.height[found] - first.positions[chosen, 2]) <= 2 * _AGREE
         is_there &= ground.is_drivable[found]
         chosen, found = chosen[is_there], found[is_there]
         slope[chosen] = np.fmax(slope[chosen], ground.slope[found])

@@ -24,7 +24,6 @@ from symbrion_gym._src.arenas.primitives import add_solids_to_contact, find_aren
 from symbrion_gym._src.arenas.scanned import (
     MeshFrame,
     add_scan_quality,
-    find_doubts,
     find_two_sided,
     find_unseen,
     repair_surface,
@@ -189,7 +188,7 @@ def make_arena(
         contact = add_solids_to_contact(contact, mesh, primitives, has_rest)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh, zone)
-    warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
+    warnings = list(contact.notes.get("warnings", ()))
     if primitives is not None and scanned.colored is not None:
         warnings.append(_NO_COLORS)
     for warning in warnings:

@@ -160,14 +160,6 @@ def find_unseen(mesh: trimesh.Trimesh, points: Float[np.ndarray, "N 3"] | None) 
     return tuple(np.flatnonzero(found).tolist())
 
 
-def find_doubts(scanned: ScannedSurface) -> list[str]:
-    """Return what a user may have meant otherwise: a size that is none of a robot's place."""
-    vertices = np.asarray(scanned.mesh.vertices)
-    odd = describe_odd_size(vertices) if scanned.points is None and np.isfinite(vertices).all() else ""
-    remedy = "a mesh is read in meters: give its unit or scale (--unit, --scale) if it is in another unit"
-    return [f"{scanned.source}: {odd}; {remedy}"] if odd else []
-
-
 def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshFrame) -> ScannedSurface:
     from reconstruction._src.reconstruction import Reconstruction
     from reconstruction._src.scans.mesh_files import load_mesh
@@ -180,10 +172,7 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
             check_has_surface(path)
             if path.suffix.lower() != ".npz":
                 mesh = load_mesh(path, *frame)
-                odd = describe_odd_size(np.asarray(mesh.vertices))
-                if odd and frame.unit is None and frame.scale == 1.0:
-                    remedy = "give its --unit or --scale, or --unit m if that is right (in Python unit=)"
-                    raise ArenaError(f"{name}: {odd}; {remedy}")
+                _check_size(name, np.asarray(mesh.vertices), frame)
                 if frame.up is None:
                     _turn_upright(mesh, path, name)
                 x, y, z = map(float, mesh.metadata["offset"])
@@ -196,10 +185,19 @@ def _take(surface: "Reconstruction | trimesh.Trimesh | str | Path", frame: MeshF
         if np.shape(vertices)[1:] != (3,):
             raise ArenaError(f"{name}: vertices have three coordinates, not {vertices.shape}")
         placed = to_meters(vertices, RawPoints(vertices), *frame)
+        _check_size(name, placed, frame)
     except (ReconstructionError, ScanError) as error:
         raise ArenaError(str(error)) from error
     mesh = surface if placed is vertices else trimesh.Trimesh(placed, surface.faces, process=False)
     return ScannedSurface(mesh, name, up=frame.up, colored=sample_mesh_colors(surface, placed))
+
+
+def _check_size(name: str, vertices: Float[np.ndarray, "V 3"], frame: MeshFrame) -> None:
+    """Refuse a mesh whose size is none of a robot's place, and whose unit nobody said."""
+    odd = describe_odd_size(vertices) if np.isfinite(vertices).all() else None
+    if odd and frame.unit is None and frame.scale == 1.0:
+        remedy = "give its --unit or --scale, or --unit m if that is right (in Python unit=)"
+        raise ArenaError(f"{name}: {odd}; {remedy}")
 
 
 def _turn_upright(mesh: trimesh.Trimesh, path: Path, name: str) -> None:

@@ -184,6 +184,14 @@ def test_of_a_large_scan_the_part_around_the_ends_is_used(ends, middle, caplog) 
         crop_large(millimeters, ())
 
 
+def test_where_no_ground_is_confirmed_no_other_way_is_advised(tmp_path: Path) -> None:
+    floor = make_floor(2.0)
+    elsewhere = replace(floor, surface=floor.surface.copy().apply_translation([9.0, 0.0, 0.0]))
+    with pytest.raises(ev.RunError, match="nowhere on ground that both models confirm") as error:
+        choose_task([floor, elsewhere], tmp_path, None, None, None, 0, 1)
+    assert "--start" not in str(error.value)
+
+
 def test_of_a_large_scan_the_part_with_most_level_ground_is_used() -> None:
     """Not where most readings are: those of a thicket, as dense, are no ground."""
     rng = np.random.default_rng(0)
