@@ -305,7 +305,7 @@ def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
 
 
 def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:
-    """Return exact readings of a surface, which has none of its own, from over ground on which a Scout can drive."""
+    """Return exact readings of a surface, with its colors, from over ground on which a Scout can drive."""
     ground = site.traversability(sg.snake(1))
     places = ground.positions[ground.is_drivable]
     places = places[find_low(places)]
@@ -314,7 +314,8 @@ def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:
     num_seen = len(simulate_readings(site.surface, viewpoints, _FIRST)[0])
     num_points = min(_FIRST * _NUM_READINGS // max(num_seen, 1), _MOST_POINTS)
     points, seen_from = simulate_readings(site.surface, viewpoints, num_points)
-    return rc.Cloud(points, viewpoints=viewpoints, seen_from=seen_from, up=site.provenance.get("up"))
+    colors = None if site.texture is None else np.rint(255 * site.find_colors(points)).astype(np.uint8)
+    return rc.Cloud(points, colors, viewpoints=viewpoints, seen_from=seen_from, up=site.provenance.get("up"))
 
 
 def keep_low(site: rc.Cloud) -> rc.Cloud:

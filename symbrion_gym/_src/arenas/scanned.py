@@ -209,7 +209,9 @@ def _turn_upright(mesh: trimesh.Trimesh, path: Path, name: str) -> None:
     axis = find_up_axis(areas, np.roll(vertices[faces].mean(axis=1), shift, axis=1))
     if axis is None:
         if path.suffix.lower() not in _WITH_AXIS and is_y_likely(areas, vertices):
-            raise ArenaError(f"{name}: y or z may point up; give --up y, -y, z or -z (in Python up=)")
+            raise ArenaError(
+                f"{name}: y or z may point up; give --up y, as phones write, or -y, z or -z (in Python up=)"
+            )
         return
     up = axis[:-1] + "xyz"["xyz".index(axis[-1]) - shift]
     _logger.warning("%s: %s is taken for up, as floors face along it; --up says otherwise", name, up)

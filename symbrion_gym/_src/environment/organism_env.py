@@ -17,6 +17,7 @@ from symbrion_gym._src.environment.world import Physics, World
 from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.registration import KnowsLimits
 from symbrion_gym._src.sensing.timing import timing
+from symbrion_gym._src.tasks.paths import PathRoute
 
 _PACKAGE = f"{__name__.partition('.')[0]}."
 
@@ -313,9 +314,9 @@ def make_spaces(episodes: Episodes) -> tuple[spaces.Box, spaces.Box]:
 def make_renderer(world: World, data: mujoco.MjData, width: int, height: int) -> SceneRenderer:
     """Return what makes images of a simulation."""
     length = world.num_modules * world.organism.scout.pitch
-    return SceneRenderer(
-        world.model, data, width, height, length, world.route.heading, quality=world.arena.quality
-    )
+    route, quality = world.route, world.arena.quality
+    places = route.places if isinstance(route, PathRoute) else ()
+    return SceneRenderer(world.model, data, width, height, length, route.heading, quality, places)
 
 
 def link_views(source: object, memo: dict[int, Any]) -> None:

@@ -2,6 +2,7 @@
 
 import copy
 import logging
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import mujoco
@@ -113,6 +114,9 @@ _CONTACT_GAP = 0.02
 this [m], a step that is seen in the image; inf never draws it."""
 _CONTACT_UNCOVERED = 0.01  # Likewise where more than this share of the surface has no contact
 _CONTACT_OPACITY = 0.35  # How much of the surface contact hides, from 0 to 1
+_POLE = 0.012, 0.24  # Radius and height of the poles that show places to be reached [m] ...
+_POLE_COLORS = (0.95, 0.8, 0.2, 1.0), (0.9, 0.25, 0.15, 1.0)
+"""... in this color, and the last in the other."""
 
 
 def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
@@ -140,7 +144,8 @@ def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
 class SceneRenderer:
     """Renders one simulation off screen, or in a window, from the side; `camera` may be changed between images.
 
-    Where something of the arena hides the organism, an image is taken from the nearest direction that is free.
+    Where something of the arena hides the organism, an image is taken from the nearest direction that is free. Poles
+    stand at `places` that are to be reached.
     """
 
     def __init__(
@@ -152,9 +157,11 @@ class SceneRenderer:
         length: float,
         heading: float,
         quality: ArenaQuality | None = None,
+        places: Sequence[tuple[float, float, float]] = (),
     ) -> None:
         model.vis.map.znear = min(model.vis.map.znear, _NEAREST / max(model.stat.extent, 1e-6))
         self._model, self._data, self._size = model, data, (width, height)
+        self._places = places
         self._renderer: mujoco.Renderer | None = None
         self._window: Any = None
         self.camera = mujoco.MjvCamera()
@@ -206,6 +213,7 @@ class SceneRenderer:
             )
         renderer = self._renderer
         renderer.update_scene(self._data, self._find_free_camera(), self._option)
+        self._add_poles(renderer.scene)
         images = []
         if mode in ("rgb_array", "rgbd_tuple"):
             images.append(renderer.render().copy())
@@ -214,6 +222,16 @@ class SceneRenderer:
             images.append(renderer.render().copy())
             renderer.disable_depth_rendering()
         return tuple(images) if mode == "rgbd_tuple" else images[0]
+
+    def _add_poles(self, scene: mujoco.MjvScene) -> None:
+        """Add a pole at each place that is to be reached."""
+        radius, height = _POLE
+        for place in self._places:
+            geom, middle = scene.geoms[scene.ngeom], np.add(place, [0.0, 0.0, height / 2])
+            color = np.array(_POLE_COLORS[place == self._places[-1]], dtype=np.float32)
+            size, kind = np.array([radius, height / 2, 0.0]), mujoco.mjtGeom.mjGEOM_CYLINDER
+            mujoco.mjv_initGeom(geom, kind, size, middle, np.eye(3).ravel(), color)
+            scene.ngeom += 1
 
     def _render_window(self) -> None:
         if not has_display():

@@ -41,6 +41,7 @@ class PathRoute(Route):
     room: tuple[
         float, ...
     ] = ()  # from the way between each and the next to what the body's reach has to keep off [m]
+    places: tuple[tuple[float, float, float], ...] = ()  # (x, y, z) of those that have to be reached [m]
 
 
 def find_path(
@@ -94,6 +95,7 @@ def find_path(
         corners=tuple(corners),
         is_place=tuple(is_place),
         room=tuple(room),
+        places=tuple(leg.goal for leg in legs),
     )
 
 

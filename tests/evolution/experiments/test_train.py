@@ -139,8 +139,15 @@ def test_who_is_interrupted_between_two_models_does_not_make_the_first_again(
 def test_a_mesh_is_checked_by_the_model_of_a_scan_of_it(tmp_path: Path) -> None:
     """The scan sees a floor of few faces with a wall on it from both sides, but not the bottom of the floor."""
     bounds = ((-1.5, -1.5, -0.1), (1.5, 1.5, 0.0)), ((-0.05, -1.5, 0.0), (0.05, 0.9, 0.2))
-    site = sg.make_arena(trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in bounds]))
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in bounds])
+    mesh.visual.vertex_colors = np.where(
+        mesh.vertices[:, :1] < 0.0, [[200, 40, 40, 255]], [[40, 40, 200, 255]]
+    )
+    site = sg.make_arena(mesh)
     scan = training.scan_mesh(site, 0)
+    is_red = scan.colors[:, 0] > 120
+    assert is_red[scan.points[:, 0] < -0.2].all()
+    assert not is_red[scan.points[:, 0] > 0.2].any()
     away = find_nearest(scan.points, np.asarray(site.surface.vertices), np.asarray(site.surface.faces))[0]
     assert away.max() < 1e-6
     assert scan.points[:, 2].min() > -1e-3  # grazing beams see so much of its sides
