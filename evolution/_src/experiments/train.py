@@ -298,8 +298,8 @@ def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
     part = rc.crop(site, [low, high])
     if part.num_points < _FEWEST:
         raise RunError(
-            f"{part.num_points} of {site.num_points} readings lie there, too few for a surface; if the scan is not in "
-            "meters, give --unit or --scale"
+            f"{part.num_points} of {site.num_points} readings lie there, too few for a surface: the scan is too "
+            "sparse, or not in meters (--unit, --scale)"
         )
     return part
 
