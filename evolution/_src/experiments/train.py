@@ -35,7 +35,7 @@ from evolution._src.search.validation import Validation
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_extents
-from reconstruction._src.geometry.sampling import SQUARE, TALLEST, find_low
+from reconstruction._src.geometry.sampling import SQUARE, TALLEST, find_low, sample_area
 from reconstruction._src.surfaces.far_faces import select_faces
 from symbrion_gym._src.arenas.saving import ABOUT
 from symbrion_gym._src.arenas.scanned import simulate_readings
@@ -59,6 +59,7 @@ RUN = "run"  # Folder of the evolution
 OUTPUTS = (*HALVES, RUN, PAGE)
 GENERATIONS = 30
 _SITE = 20.0  # Edge of the square of a larger scan that is used [m]: a Scout drives 10 m in 100 s
+_RIM = 1.0  # The ends of a way that lie so far within the part with most ground do not move it [m]
 _FEWEST = 100  # With fewer readings such a square holds no ground
 _COLUMN, _PARTS = 0.2, 4  # Width of columns of readings [m], and parts of the edge by which squares are apart
 _MOST = 0.9  # Share of the most columns of level ground that is nearly as many
@@ -77,11 +78,10 @@ _CONFIRMED = Validation(rounds=(8, 16), solved_share=0.95)
 _LOCALIZED = replace(_AS_SCANNED, start_offset=(-0.02, 0.02), yaw=(-0.0175, 0.0175))
 """Conditions of trials on a way: the robot knows where it starts to 2 cm and 1 degree, twice what the laser scans of
 the paper of 2011 tell. From there on it has its own tracks alone."""
-_LEGS = ((0.35, 0.8), (0.27, 0.35))
+_LEGS = ((0.35, 0.6), (0.27, 0.35))
 """Shortest and longest first and second leg of a way that is chosen [m]: after a turn tracks alone know the heading to
 about a tenth of it."""
-_TURN = np.deg2rad([55.0, 70.0])
-"""Least and most turn between them [rad]: who drives straight on does not arrive."""
+_TURN = np.deg2rad([40.0, 55.0])  # Least and most turn between them
 _SNAP = 0.05  # Corners lie at most so far from a place of the map [m]
 _NUM_WAYS, _NUM_TRIED = 5_000, 20  # Ways that are drawn, and of which so many are tried in the environment
 _ROOMS = 2.0, 1.0
@@ -284,17 +284,33 @@ def split_readings(site: rc.ScanLog | rc.Cloud) -> list[Any]:
     return [site.select(number % 2 == k) for k in range(2)]
 
 
-def crop_large(site: rc.Cloud, ends: Sequence[Place]) -> rc.Cloud:
-    """Return the part of a large cloud about the ends of a way, or where none is given where most ground was read."""
-    low, high = site.points.min(axis=0), site.points.max(axis=0)
-    width, depth, _ = high - low
-    if max(width, depth) <= _SITE:
-        return site
-    middle = np.mean(ends, axis=0) if ends else _find_ground(site.points)
-    remedy = "" if ends else "; --start and --goal choose another part"
+def find_part(site: Site, ends: Sequence[Place]) -> Place | None:
+    """Return the middle of the square of a large site that is used; None where all of it is.
+
+    It is that where most ground was read, or about the ends of a way that it does not hold.
+    """
+    places = _find_places(site)
+    width, depth = np.ptp(places[:, :2], axis=0)
+    if isinstance(site, rc.ScanLog) or max(width, depth) <= _SITE:
+        return None
+    if isinstance(site, sg.Arena):
+        places = sample_area(np.asarray(site.surface.vertices), np.asarray(site.surface.faces), _MOST_POINTS)
+    middle = _find_ground(places)
+    if ends and np.abs(np.subtract(ends, middle)).max() > _SITE / 2 - _RIM:
+        middle = np.mean(ends, axis=0)
     text = "of %.0f m x %.0f m the %g m around (%.1f, %.1f) are used%s"
-    logger.warning(text, width, depth, _SITE, *middle, remedy)
-    low[:2], high[:2] = np.maximum(low[:2], middle - _SITE / 2), np.minimum(high[:2], middle + _SITE / 2)
+    logger.warning(
+        text, width, depth, _SITE, *middle, "" if ends else "; --start and --goal choose another part"
+    )
+    return tuple(np.round(middle, 3).tolist())
+
+
+def crop_part(site: rc.Cloud, middle: Place | None) -> rc.Cloud:
+    """Return the square of a large site about its middle; all where that is None."""
+    if middle is None:
+        return site
+    low, high = site.points.min(axis=0), site.points.max(axis=0)
+    low[:2], high[:2] = np.subtract(middle, _SITE / 2), np.add(middle, _SITE / 2)
     part = rc.crop(site, [low, high])
     if part.num_points < _FEWEST:
         raise RunError(
@@ -365,27 +381,27 @@ def make_models(
 ) -> list[sg.Arena]:
     """Return the models of both halves of a site, or a mesh and the model of a scan of it; kept ones from the folder.
 
-    Of a large site they are of the part around the `ends` of a way, or where most ground was read. The faces of a model
+    Of a large site they are of the part that `find_part` finds. The faces of a model
     that the other, or the mesh, does not confirm are `unseen`. A first one that is good for no robot is both.
     """
     folders = [folder / name for name in HALVES]
-    ends = ends if np.ptp(_find_places(site)[:, :2], axis=0).max() > _SITE else ()
-    of = f"{_digest(site)} {seed} {ends} {max_pieces}"
+    part = find_part(site, ends)
+    of = f"{_digest(site)} {seed} {part} {max_pieces}"
     if not _is_kept(folders[1], of):
         if isinstance(site, sg.Arena):
             made = [site]
             if site.verdict.answer != "no":
-                readings = keep_low(crop_large(scan_mesh(site, seed + 1), ends))
-                part = cover_part(progress, 0.5, 1.0, "scan of it: ")
-                again = _make_model(readings, seed + 1, HALVES[1], part, max_pieces)
+                readings = keep_low(crop_part(scan_mesh(site, seed + 1), part))
+                making = cover_part(progress, 0.5, 1.0, "scan of it: ")
+                again = _make_model(readings, seed + 1, HALVES[1], making, max_pieces)
                 made.append(_mark_unconfirmed(again, site))
         else:
-            halves = split_readings(keep_low(crop_large(site, ends)) if isinstance(site, rc.Cloud) else site)
+            halves = split_readings(keep_low(crop_part(site, part)) if isinstance(site, rc.Cloud) else site)
             made = []
             for k, (half, each) in enumerate(zip(halves, folders, strict=True)):
                 if not _is_kept(each, f"half of {of}"):
-                    part = cover_part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: ")
-                    _keep(_make_model(half, seed + k, HALVES[k], part, max_pieces), each, f"half of {of}")
+                    making = cover_part(progress, k / 2, (k + 1) / 2, f"half {k + 1}: ")
+                    _keep(_make_model(half, seed + k, HALVES[k], making, max_pieces), each, f"half of {of}")
                 made.append(sg.Arena.load(each))
                 if made[0].verdict.answer == "no":
                     break
@@ -443,26 +459,30 @@ def choose_task(
         task = {} if start is None else {"task": "cross_gap", "start": start}
         conditions = {"randomization": _AS_SCANNED, "validation": _CONFIRMED}
         return EvolutionConfig(organism=crossing, **conditions, **task, **common)
-    body = body or sg.snake(1)
-    problem = None
+    body, is_given = body or sg.snake(1), start is not None and goal is not None
+    problem: ValueError | str = "a robot can drive nowhere on ground that both models confirm"
     for way in _list_ways(arenas, body, start, goal, np.random.default_rng(seed)):
         task = {"task": "reach", "track_control": "skid", **way}
         try:
-            for arena in arenas:
-                sg.OrganismEnv(arena=arena, organism=body, **task).reset(seed=0)
+            easy = [_arrives_straight(sg.OrganismEnv(arena=arena, organism=body, **task)) for arena in arenas]
         except ValueError as error:
             problem = error
-        else:
-            return EvolutionConfig(
-                organism=body, controller="posture", randomization=_LOCALIZED, **task, **common
-            )
-    shown = folder / HALVES[0]
-    if problem is None:
-        raise RunError(
-            f"a robot can drive nowhere on ground that both models confirm, as symbrion view {shown} shows; check its "
-            "scale and axis, or scan more ground"
-        )
-    raise RunError(f"no way in {shown}: {problem}; give --start and --goal, or scan more ground")
+            continue
+        if is_given or not any(easy):
+            common |= {"controller": "posture", "randomization": _LOCALIZED}
+            return EvolutionConfig(organism=body, **task, **common)
+        problem = "who drives straight on arrives"
+    remedy = "check scale and axis, choose other places, or scan more ground"
+    raise RunError(f"no way in {folder / HALVES[0]}, as symbrion view shows it: {problem}; {remedy}")
+
+
+def _arrives_straight(environment: sg.OrganismEnv) -> bool:
+    """Return whether a body arrives that drives straight on."""
+    environment.reset(seed=0)
+    while True:
+        _, _, terminated, truncated, info = environment.step(cast(Any, environment.action_space).high)
+        if terminated or truncated:
+            return bool(info["success"])
 
 
 def _find_crossing(

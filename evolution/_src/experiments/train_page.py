@@ -18,6 +18,8 @@ from evolution._src.report.page import Page
 from evolution._src.report.scene import Scene
 from evolution._src.report.video import encode_video
 from reconstruction._src.base.range_checks import format_count, format_distance, format_share
+from symbrion_gym._src.arenas.verdict import ROBOT
+from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.traversability.routes import DrivingRoute
 
@@ -33,7 +35,9 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
     run, arena, config = result.run, result.arena, result.run.config
     champion = run.champion
     assert champion is not None
-    film = play(champion, judged_in, config.seed, film=True)
+    goal = config.goal if isinstance(config.goal, tuple) else None
+    speed = 5.0 if goal is None else 2.0  # a way takes a few seconds
+    film = play(champion, judged_in, config.seed, film=True, speed=speed)
     body, where = format_count(champion.modules, "module"), list(result.held)[-1]
     organism = champion.find_organism()
     page = Page(
@@ -46,16 +50,16 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
         good = {"yes": True, "in part": None}.get(model.verdict.answer, False)
         page.add_verdict(f"Model, {name}: {model.verdict}.", good=good)
     for place, drivers in result.held.items():
-        text = f"The champion ({body}) holds in {drivers['champion']} of {TRIALS} fresh trials: {place}."
+        text = f"The champion ({body}) succeeds in {drivers['champion']} of {TRIALS} fresh trials: {place}."
         page.add_verdict(text, good=drivers["champion"] >= GOOD * TRIALS)
     for fault in result.list_faults():
         page.add_verdict(f"{fault[0].upper()}{fault[1:]}.", good=False)
     places = [config.start, *dict(config.environment).get("places", ()), config.goal]
     named = [f"({', '.join(f'{value:.2f}' for value in each)})" for each in places if isinstance(each, tuple)]
-    goal = config.goal if isinstance(config.goal, tuple) else None
     route = _make_route(film.positions, organism.scout.size[2], goal)
-    way = f"From {', then '.join(named)} [m]." if len(named) > 1 else "Across the gap."
-    page.add_section("The way", way)
+    way = f"From {', then '.join(named)} [m]" if len(named) > 1 else "Across the gap"
+    size = " x ".join(f"{length:.3g}" for length in arena.surface.extents)
+    page.add_section("The way", f"{way}; the model of training measures {size} m, the robot {ROBOT:g} m.")
     layers, ground, shown = ("surface", "route"), None, "the way that it drove"
     if len(named) > 1:  # what leads over a gap is no ground that a body can drive on
         layers, ground = ("surface", "drivable", "route"), arena.traversability(organism)
@@ -66,7 +70,8 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
         shown = f"it {'arrives' if film.success else 'does not arrive'}"
         shown += " at the red pole" if goal else ""
         page.add_video(
-            encode_video(film.frames, film.fps), f"The champion ({where}), at five times real time; {shown}."
+            encode_video(film.frames, film.fps),
+            f"The champion ({where}), at {speed:g} times real time; {shown}.",
         )
     page.add_scene(
         _make_scene(arena, film.positions, source),
@@ -87,7 +92,8 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
     history = run.history
     page.add_section(
         "Evolution",
-        f"CMA-ES from zero: {int(history[-1]['evaluations'])} genotypes in {format_count(len(history), 'generation')}.",
+        f"CMA-ES from zero: {int(history[-1]['evaluations'])} genotypes in {format_count(len(history), 'generation')}; "
+        "it ends with the first champion that is confirmed in fresh trials.",
     )
     if len(history) > 1:
         page.add_figure(
@@ -99,12 +105,13 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
     folder = shlex.quote(str(result.folder))
     page.add_section("Going on")
     site = f"arena={str(result.folder / 'arena')!r}, start={config.start}, goal={config.goal}"
-    made = f"in Python: gym.make('symbrion_gym/Reach-easy-v0', {site}, sensors=('goal',))"
+    made = f"import gymnasium as gym, symbrion_gym; gym.make('symbrion_gym/Reach-easy-v0', {site}, sensors=('goal',))"
+    seen = "the goal is seen ahead and to the left [m], actions are speeds of the left and right track:"
     page.add_list([
-        *([made] if goal and champion.modules == 1 else []),
-        f"symbrion view {folder}/arena shows the site and where to drive",
-        f"symbrion train {source} --out NEW --start X Y --goal X Y trains another way; two clicks on the site write it",
-        f"symbrion replay {folder}/run --arena {folder}/other --video champion.mp4",
+        *([f"In Python, {seen} `{made}`"] if goal and champion.modules == 1 else []),
+        f"The site, and where to drive: `symbrion view {folder}/arena`",
+        f"Another way, which two clicks on the site write: `symbrion train {source} --out NEW --start X Y --goal X Y`",
+        f"The champion: `symbrion replay {folder}/run --arena {folder}/other --video champion.mp4`",
     ])  # fmt: skip
     page.write(result.page)
 
@@ -159,11 +166,13 @@ def _compare_models(result: Training, positions: np.ndarray) -> str:
     gaps = np.abs(
         result.arena.elevation.height_below(x, y, limit) - result.other.elevation.height_below(x, y, limit)
     )
-    known = gaps[np.isfinite(gaps)]
+    mesh, known = result.arena.surface, gaps[np.isfinite(gaps)]
     if not len(known):
         return "Where the champion drove, only one of the models has a surface."
     middle, most = (format_distance(float(np.percentile(known, share))) for share in (50, 95))
     missing = 1.0 - len(known) / len(gaps)
     alone = f"; at {format_share(missing)} not both have a surface" if missing else ""
-    where = "Where the champion drove, the two models differ by"
+    faces = find_nearest(positions.reshape(-1, 3), np.asarray(mesh.vertices), np.asarray(mesh.faces))[1]
+    driven = format_count(len(np.unique(faces)), "triangle")
+    where = f"Where the champion drove, over {driven} of the model of training, the two models differ by"
     return f"{where} {middle} in the median, and by less than {most} at 95 % of the places{alone}."

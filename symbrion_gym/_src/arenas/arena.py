@@ -286,7 +286,7 @@ class Arena:
             "unseen": list(self.unseen),
         }
         about |= {name: value for name, value in optional.items() if value}
-        about["verdict"] = self.verdict.as_dict()
+        about["verdict"] = asdict(self.verdict)
         save_arena(folder, self.geometry, about)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:

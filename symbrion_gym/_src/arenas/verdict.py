@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -62,10 +61,6 @@ class Verdict:
         """Return the verdict as one line."""
         why = "; ".join(f"{each.meaning} ({each.remedy})" for each in self.reasons)
         return f"good for a robot of {ROBOT:g} m: {self.answer}{why and f', because {why}'}"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields, for JSON."""
-        return asdict(self)
 
 
 def find_verdict(

@@ -22,7 +22,7 @@ from evolution._src.cli.commands.experiments import Train
 from evolution._src.cli.main import run
 from evolution._src.experiments import folders
 from evolution._src.experiments import train as training
-from evolution._src.experiments.train import choose_task, crop_large, keep_low, split_readings
+from evolution._src.experiments.train import choose_task, crop_part, find_part, keep_low, split_readings
 from evolution._src.experiments.train_page import _compare_models, _make_scene
 from evolution._src.experiments.training import Training
 from reconstruction._src.base.progress import silent
@@ -61,8 +61,8 @@ def test_a_scan_becomes_a_robot_that_drives_there(tmp_path: Path, monkeypatch: p
     for drivers in result.held.values():
         assert max(drivers["doing nothing"], drivers["tracks forward"]) <= 1
     page = html.unescape(result.page.read_text(encoding="utf-8"))
-    assert "holds in" in page
-    found = re.search(r"gym\.make\((.*?)\)</li>", page)
+    assert "succeeds in" in page
+    found = re.search(r"gym\.make\((.*?)\)</code>", page)
     assert found is not None
     env = eval(f"gym.make({found[1]})", {"gym": gym})  # what the page advises
     assert env.reset(seed=0)[0].shape == env.observation_space.shape
@@ -177,18 +177,28 @@ def test_a_part_of_a_scan_is_cropped_or_refused(tmp_path, capsys, name, box, mes
     assert message in capsys.readouterr().err
 
 
+def crop_large(site: rc.Cloud, ends=()) -> rc.Cloud:
+    return crop_part(site, find_part(site, ends))
+
+
 @pytest.mark.parametrize(
-    ("ends", "middle"), [((), 0.0), (((12.0, 0.0), (16.0, 0.0)), 14.0), (((-30.0, 0.0),), -25.0)]
+    ("ends", "middle"),
+    [
+        ((), 0.0),
+        (((12.0, 0.0), (16.0, 0.0)), 14.0),
+        (((-30.0, 0.0),), -25.0),
+        (((6.0, 0.0), (8.0, 2.0)), 0.0),
+    ],
 )
-def test_of_a_large_scan_the_part_around_the_ends_is_used(ends, middle, caplog) -> None:
+def test_of_a_large_scan_the_part_around_ends_outside_of_it_is_used(ends, middle, caplog) -> None:
     x, y = np.meshgrid(np.linspace(-30, 30, 241), np.linspace(-4, 4, 33))
     part = crop_large(rc.Cloud(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])), ends)
     low, high = part.points.min(axis=0), part.points.max(axis=0)
     assert (low[0] + high[0]) / 2 == pytest.approx(middle, abs=0.3)
     assert "of 60 m x 8 m the 20 m around" in caplog.text
     millimeters = rc.Cloud(1000.0 * make_scan().points)
-    with pytest.raises(ev.RunError, match=r"^\d+ of \d+ readings lie there, too few .*--unit or --scale"):
-        crop_large(millimeters, ())
+    with pytest.raises(ev.RunError, match=r"^\d+ of \d+ readings lie there, too few .*--unit, --scale"):
+        crop_large(millimeters)
 
 
 def test_where_no_ground_is_confirmed_no_other_way_is_advised(tmp_path: Path) -> None:
@@ -197,6 +207,19 @@ def test_where_no_ground_is_confirmed_no_other_way_is_advised(tmp_path: Path) ->
     with pytest.raises(ev.RunError, match="nowhere on ground that both models confirm") as error:
         choose_task([floor, elsewhere], tmp_path, None, None, None, 0, 1)
     assert "--start" not in str(error.value)
+
+
+def test_no_way_is_chosen_on_which_who_drives_straight_on_arrives(tmp_path: Path, monkeypatch) -> None:
+    floor = make_floor(2.0)
+    ends = {"start": (-0.5, 0.0), "goal": (0.1, 0.0), "places": ()}
+    turn = {"start": (-0.5, 0.0), "goal": (0.1, 0.4), "places": ((0.0, 0.0),)}
+    monkeypatch.setattr(training, "_list_ways", lambda *_: iter([ends, turn]))
+    assert choose_task([floor, floor], tmp_path, None, None, None, 0, 1).goal == turn["goal"]
+    given = choose_task([floor, floor], tmp_path, None, ends["start"], ends["goal"], 0, 1)
+    assert given.goal == ends["goal"], "a way that is asked for is taken"
+    monkeypatch.setattr(training, "_list_ways", lambda *_: iter([ends]))
+    with pytest.raises(ev.RunError, match="who drives straight on arrives"):
+        choose_task([floor, floor], tmp_path, None, None, None, 0, 1)
 
 
 def test_of_a_large_scan_the_part_with_most_level_ground_is_used() -> None:
@@ -208,13 +231,13 @@ def test_of_a_large_scan_the_part_with_most_level_ground_is_used() -> None:
     )
     below = rng.normal(0.0, 0.01, len(meadow))
     points = np.concatenate([thicket, np.column_stack([meadow, below])])
-    part = crop_large(rc.Cloud(points), ())
+    part = crop_large(rc.Cloud(points))
     assert len(part.points) > 0.9 * len(meadow)
     assert part.points[:, 0].min() > 5.0
     scattered = rc.Cloud(
         rng.uniform([-40, -10, 0], [40, 10, 40], (2_000, 3))
     )  # no ground at all: about the middle
-    assert np.abs(np.median(crop_large(scattered, ()).points[:, 0])) < 5.0
+    assert np.abs(np.median(crop_large(scattered).points[:, 0])) < 5.0
 
 
 def test_crowns_and_ceilings_are_left_out_and_trunks_and_slopes_are_not(caplog) -> None:

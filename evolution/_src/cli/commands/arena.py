@@ -48,7 +48,7 @@ class Arena(FrameCommand):
     kind: Literal["auto", "convex", "hfield", "prisms", "mixed"] = "auto"
     """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit.
     Mixed: boxes, spheres, cylinders and rectangles in place of triangles, for rays, too."""
-    max_pieces: int | None = None
+    max_pieces: int = 2200
     """Largest number of convex pieces. More follow rough ground better and make a step slower."""
     object: tuple[str, ...] = ()
     """Meshes of known objects in meters, as FILE or NAME=FILE, found in --scan and placed; x points to their front."""
@@ -115,14 +115,13 @@ class Arena(FrameCommand):
             "seconds": step.seconds,
             "quality": arena.quality.as_dict(),
             "accuracy": accuracy,
-            "verdict": arena.verdict.as_dict(),
+            "verdict": dataclasses.asdict(arena.verdict),
             "picture": self.picture,
             "exit_code": MISSED if self.strict and not is_good else 0,
         }
 
     def _make(self, progress: "rc.Progress") -> "sg.Arena":
         """Return the arena with the objects that are found in the scan."""
-        options: dict[str, Any] = {} if self.max_pieces is None else {"max_pieces": self.max_pieces}
         arena = sg.make_arena(
             self.mesh,
             accuracy=self.accuracy,
@@ -134,8 +133,8 @@ class Arena(FrameCommand):
             up=self.up,
             scale=self.scale,
             seed=self.seed,
+            max_pieces=self.max_pieces,
             progress=progress,
-            **options,
         )
         if self.scan is None:
             return arena

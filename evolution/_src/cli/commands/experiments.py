@@ -171,7 +171,7 @@ def _report(result: Any, seconds: float, console: Console) -> dict[str, Any]:
     return {
         "folder": result.folder,
         "page": result.page,
-        "verdict": result.verdict.as_dict(),
+        "verdict": dataclasses.asdict(result.verdict),
         "trials": TRIALS,
         "held": result.held,
         "start": config.start,
