@@ -81,7 +81,8 @@ the paper of 2011 tell. From there on it has its own tracks alone."""
 _LEGS = ((0.35, 0.6), (0.27, 0.35))
 """Shortest and longest first and second leg of a way that is chosen [m]: after a turn tracks alone know the heading to
 about a tenth of it."""
-_TURN = np.deg2rad([40.0, 55.0])  # Least and most turn between them
+_TURN = np.deg2rad([50.0, 62.0])  # Least and most turn between them
+_SIGMA = 1.0  # First step of the search: a small gain, an arc, follows a way by chance in one model alone
 _SNAP = 0.05  # Corners lie at most so far from a place of the map [m]
 _NUM_WAYS, _NUM_TRIED = 5_000, 20  # Ways that are drawn, and of which so many are tried in the environment
 _ROOMS = 2.0, 1.0
@@ -469,7 +470,7 @@ def choose_task(
             problem = error
             continue
         if is_given or not any(easy):
-            common |= {"controller": "posture", "randomization": _LOCALIZED}
+            common |= {"controller": "posture", "randomization": _LOCALIZED, "sigma": _SIGMA}
             return EvolutionConfig(organism=body, **task, **common)
         problem = "who drives straight on arrives"
     remedy = "check scale and axis, choose other places, or scan more ground"

@@ -157,7 +157,7 @@ def load_cloud(
             "%s: the scanner is taken to have stood at the origin, which sees all; --viewpoint says otherwise"
         )
         _logger.warning(text, path)
-        cloud = cloud.replace(viewpoints=np.zeros((1, 3)))
+        cloud = cloud.select((cloud.points != 0.0).any(axis=1)).replace(viewpoints=np.zeros((1, 3)))
     if raw.has_cover:
         is_near = find_heights_above_ground(cloud.points) <= _TALLEST
         text = "%s: no point has a class; dropped %d more than %g m above the ground, kept %d; classes 0 1 keep all"

@@ -46,7 +46,7 @@ def read_pcd(file: BoundedFile) -> RawPoints:
     missing = [name for name in _NEEDED if not words.get(name)]
     if missing:
         raise ScanError(f"the .pcd header lacks {', '.join(missing)}")
-    if (data := words["DATA"][0]) not in _READERS:
+    if (data := words["DATA"][0].lower()) not in _READERS:
         raise ScanError(f"the .pcd file has DATA {data}; there are: {', '.join(_READERS)}")
     raw = _READERS[data](file, _check_header(words))
     return raw._replace(viewpoints=_find_viewpoint(words))

@@ -61,7 +61,7 @@ COLORED = {
     "float.pcd": pcd("F", "binary", PACKED_RECORDS),
     "rgba.pcd": pcd("U", "binary", PACKED_RECORDS, name="rgba"),
     "text.pcd": pcd("U", "ascii", join_rows(POINTS, PACKED[:, None]).encode()),
-    "text_float.pcd": pcd("F", "ascii", join_rows(POINTS, PACKED[:, None].view(np.float32)).encode()),
+    "text_float.pcd": pcd("F", "ASCII", join_rows(POINTS, PACKED[:, None].view(np.float32)).encode()),
     "names.csv": "X,Y,Z,R,G,B\n" + join_rows(POINTS, COLORS, ","),
     "long_names.csv": "z,y,x,red,green,blue\n" + join_rows(POINTS[:, ::-1], COLORS, ","),
     "six.xyz": join_rows(POINTS, COLORS),

@@ -146,6 +146,8 @@ def test_a_file_is_read_so_and_options_and_known_viewpoints_are_left(
 ) -> None:
     points, _ = picture(0.2, 0.4)
     np.save(tmp_path / "camera.npy", points)
+    np.save(tmp_path / "more.npy", np.append(points, np.zeros((1, 3)), axis=0))
+    assert rc.load_cloud(tmp_path / "more.npy").num_points == len(points), "none where the scanner stood"
     cloud = rc.load_cloud(tmp_path / "camera.npy")
     assert "floor is level" in caplog.text
     assert "taken to have stood at the origin" in caplog.text
