@@ -300,9 +300,8 @@ def find_part(site: Site, ends: Sequence[Place]) -> Place | None:
     if ends and np.abs(np.subtract(ends, middle)).max() > _SITE / 2 - _RIM:
         middle = np.mean(ends, axis=0)
     text = "of %.0f m x %.0f m the %g m around (%.1f, %.1f) are used%s"
-    logger.warning(
-        text, width, depth, _SITE, *middle, "" if ends else "; --start and --goal choose another part"
-    )
+    remedy = "" if ends else "; --start and --goal choose another part"
+    logger.warning(text, width, depth, _SITE, *middle, remedy)
     return tuple(np.round(middle, 3).tolist())
 
 
@@ -321,11 +320,14 @@ def crop_part(site: rc.Cloud, middle: Place | None) -> rc.Cloud:
     return part
 
 
-def scan_mesh(site: sg.Arena, seed: int) -> rc.Cloud:
-    """Return exact readings of a surface, with its colors, from over ground on which a Scout can drive."""
+def scan_mesh(site: sg.Arena, seed: int, part: Place | None = None) -> rc.Cloud:
+    """Return exact readings of a surface, with its colors, from over ground on which a Scout can drive, in its part."""
     ground = site.traversability(sg.snake(1))
     places = ground.positions[ground.is_drivable]
     places = places[find_low(places)]
+    middle = places[:, :2] if part is None else part
+    is_near = np.abs(places[:, :2] - middle).max(axis=1) < _SITE / 2
+    places = places[is_near] if is_near.any() else places
     chosen = np.random.default_rng(seed).permutation(len(places))[:_NUM_PLACES]
     viewpoints = places[chosen] + np.array([0.0, 0.0, _EYE])
     num_seen = len(simulate_readings(site.surface, viewpoints, _FIRST)[0])
@@ -392,7 +394,7 @@ def make_models(
         if isinstance(site, sg.Arena):
             made = [site]
             if site.verdict.answer != "no":
-                readings = keep_low(crop_part(scan_mesh(site, seed + 1), part))
+                readings = keep_low(crop_part(scan_mesh(site, seed + 1, part), part))
                 making = cover_part(progress, 0.5, 1.0, "scan of it: ")
                 again = _make_model(readings, seed + 1, HALVES[1], making, max_pieces)
                 made.append(_mark_unconfirmed(again, site))

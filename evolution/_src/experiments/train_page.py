@@ -67,8 +67,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
     plan = draw_arena(arena, layers, ground, route, organism, views=("plan",))
     page.add_figure(to_png(plan, is_reduced=False), f"The model of training from above: {shown} ({where}).")
     if film.frames:
-        shown = f"it {'arrives' if film.success else 'does not arrive'}"
-        shown += " at the red pole" if goal else ""
+        shown = f"it {'arrives' if film.success else 'does not arrive'}{' at the red pole' if goal else ''}"
         page.add_video(
             encode_video(film.frames, film.fps),
             f"The champion ({where}), at {speed:g} times real time; {shown}.",

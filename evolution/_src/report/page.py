@@ -26,8 +26,11 @@ def make_templates(*folders: Path) -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
     )
     templates.filters["anchor"] = lambda title: re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
-    templates.filters["mark_code"] = lambda text: Markup(
-        re.sub(r"`([^`]+)`|(--[a-z-]+)", r"<code>\1\2</code>", str(escape(text)))
+    templates.filters["mark_options"] = lambda text: Markup(
+        re.sub(r"--[a-z-]+", r"<code>\g<0></code>", str(escape(text)))
+    )
+    templates.filters["mark_commands"] = lambda text: Markup(
+        re.sub("`(.+?)`", r"<code class=command>\1</code>", str(escape(text)))
     )
     return templates
 

@@ -82,9 +82,8 @@ class ScannedSurface:
     dropped: float | None = None  # share of the readings that pre-processing dropped
     # what was subtracted from the coordinates of the scan [m]
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    up: str | None = (
-        None  # axis of its file that points up, as user, file or surface say; None: nothing says it
-    )
+    # axis of its file that points up, as user, file or surface say; None: nothing says it
+    up: str | None = None
     cut: str = ""  # what was cut off as far from every reading, in words; nothing where nothing was
     colored: Cloud | None = None  # points with colors, in the frame of the mesh; None: its colors are unknown
     # that of the ground, as robots felt it by their slip; None: nobody did

@@ -115,8 +115,7 @@ this [m], a step that is seen in the image; inf never draws it."""
 _CONTACT_UNCOVERED = 0.01  # Likewise where more than this share of the surface has no contact
 _CONTACT_OPACITY = 0.35  # How much of the surface contact hides, from 0 to 1
 _POLE = 0.012, 0.24  # Radius and height of the poles that show places to be reached [m] ...
-_POLE_COLORS = (0.95, 0.8, 0.2, 1.0), (0.9, 0.25, 0.15, 1.0)
-"""... in this color, and the last in the other."""
+_POLE_COLORS = (0.95, 0.8, 0.2, 1.0), (0.9, 0.25, 0.15, 1.0)  # ... in this color, the last in the other
 
 
 def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
@@ -213,7 +212,8 @@ class SceneRenderer:
             )
         renderer = self._renderer
         renderer.update_scene(self._data, self._find_free_camera(), self._option)
-        self._add_poles(renderer.scene)
+        if mode == "rgb_array":  # depth is that of the scene alone
+            self._add_poles(renderer.scene)
         images = []
         if mode in ("rgb_array", "rgbd_tuple"):
             images.append(renderer.render().copy())

@@ -38,9 +38,8 @@ class PathRoute(Route):
     # (x, y) of the points to head for, one after the other, the last is the goal [m]
     corners: tuple[tuple[float, float], ...] = ()
     is_place: tuple[bool, ...] = ()  # whether each of them has to be reached exactly, or only shows the way
-    room: tuple[
-        float, ...
-    ] = ()  # from the way between each and the next to what the body's reach has to keep off [m]
+    # from the way between each and the next to what the body's reach has to keep off [m]
+    room: tuple[float, ...] = ()
     places: tuple[tuple[float, float, float], ...] = ()  # (x, y, z) of those that have to be reached [m]
 
 

@@ -253,7 +253,7 @@ def test_crowns_and_ceilings_are_left_out_and_trunks_and_slopes_are_not(caplog) 
     assert f"{len(plan) + len(trunk) - kept.num_points} are left out" in caplog.text
 
 
-def test_ways_and_places_to_scan_from_are_in_a_house_and_not_on_its_roof() -> None:
+def test_ways_and_places_to_scan_from_are_in_a_house_and_not_on_its_roof(monkeypatch) -> None:
     bounds = [((-1, -1, -0.1), (1, 1, 0)), ((-1.1, -1.1, 2.4), (1.1, 1.1, 2.5))]
     bounds += [((x, -1, 0), (x + 0.1, 1, 2.4)) for x in (-1.0, 0.9)]
     house = sg.make_arena(trimesh.util.concatenate([trimesh.creation.box(bounds=each) for each in bounds]))
@@ -263,6 +263,9 @@ def test_ways_and_places_to_scan_from_are_in_a_house_and_not_on_its_roof() -> No
     assert places[:, 2].max() < 0.01
     heights = training.scan_mesh(house, 0).viewpoints[:, 2]  # some may be on the eaves
     assert np.median(heights) == pytest.approx(training._EYE, abs=0.01)
+    monkeypatch.setattr(training, "_SITE", 0.8)
+    near = training.scan_mesh(house, 0, (0.4, 0.2)).viewpoints[:, :2]
+    assert np.abs(near - (0.4, 0.2)).max() < 0.4
 
 
 def test_a_way_leads_over_the_most_level_ground_that_both_models_confirm() -> None:

@@ -62,18 +62,21 @@ def test_the_camera_follows_and_images_do_not_change_the_physics():
 
 
 def test_poles_stand_where_a_body_is_to_go_the_last_in_another_color():
-    counts = []
+    counts, depths = [], []
     for places in ((), ((-2.0, 0.0),)):
         way = {"start": (-2.3, 0.0), "places": places, "goal": (-1.9, 0.0)}
         env = OrganismEnv(modules=1, task="reach", **way, render_mode="rgb_array", width=320, height=200)
         env.reset(seed=0)
         red, green, blue = np.moveaxis(env.render().astype(int), 2, 0)
+        env.render_mode = "depth_array"
+        depths.append(env.render())
         env.close()
         is_bright = red > np.maximum(100, 1.8 * blue)
         counts.append([(is_bright & (green < red / 2)).sum(), (is_bright & (green > red / 2)).sum()])
     (last, none), (same, corner) = counts
     assert min(last, same, corner) > 100
     assert none < corner / 4
+    np.testing.assert_array_equal(*depths)
 
 
 def test_vector_environments_draw_each_simulation():
