@@ -118,8 +118,3 @@ def dot_rows(
 ) -> Float[np.ndarray, "*rows"]:
     """Return the dot product of each row; faster than a sum over so short an axis, and equal on any processor."""
     return np.asarray(one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1] + one[..., 2] * other[..., 2])
-
-
-def dot_all(one: Float[np.ndarray, "R 3"], other: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "R N"]:
-    """Return the dot product of every row with every other; a library's threads cost more than so short a sum."""
-    return dot_rows(one[:, None], other[None])

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from reconstruction._src.geometry.rows import dot_rows
+from reconstruction._src.geometry.rows import cross_rows, dot_rows
 from symbrion_gym._src.errors import OrganismError
 from symbrion_gym._src.robot.organism import Docking, Organism
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
@@ -101,8 +101,8 @@ def _find_close_pairs(
     up, other_up = (
         frames.up[end] - dot_rows(frames.up[end], axis)[:, None] * axis for end in (first, second)
     )
-    roll = np.arctan2(dot_rows(np.cross(up, other_up), axis), dot_rows(up, other_up))
-    gap, rise, offset = (dot_rows(between, each) for each in (axis, up, np.cross(axis, up)))
+    roll = np.arctan2(dot_rows(cross_rows(up, other_up), axis), dot_rows(up, other_up))
+    gap, rise, offset = (dot_rows(between, each) for each in (axis, up, cross_rows(axis, up)))
     is_close = (
         (np.abs(gap - SCOUT.dock_gap) <= LARGEST_GAP)
         & (np.abs(offset) <= LARGEST_OFFSET)

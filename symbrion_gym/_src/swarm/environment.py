@@ -152,7 +152,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.arena = source if isinstance(source, Arena) else load_arena(source)
         self.field = find_field(self.arena, needs_pit=self.options.task == "cross")
         self.world: SwarmWorld = LEVELS[self.options.fidelity](self.arena, count)
-        self._senses = Senses(self.world, self.options.noise)
+        self._senses = Senses(self.world, self.options.noise, beams=_NUM_BEAMS)
         self._signals = Signals(self.world, self.options.noise)
         self.possible_agents = [f"robot_{index}" for index in range(count)]
         self._rows = {agent: row for row, agent in enumerate(self.possible_agents)}
@@ -278,9 +278,10 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
             if agent not in self._rows:
                 raise OptionError(f"no agent {agent!r}; there are robot_0 to {self.possible_agents[-1]}")
             values = np.asarray(action, dtype=np.float64)
-            if values.shape != idle.shape or not np.isfinite(values).all():
-                raise OptionError(f"the action of {agent} must be 15 finite numbers, got {action!r}")
-            result[self._rows[agent]] = values
+            result[self._rows[agent]] = values if values.shape == idle.shape else np.nan
+        if not np.isfinite(result).all():
+            agent = self.possible_agents[int(np.isfinite(result).all(axis=1).argmin())]
+            raise OptionError(f"the action of {agent} must be 15 finite numbers, got {actions[agent]!r}")
         return np.clip(result, -1.0, 1.0)
 
     def _has_succeeded(self) -> bool:
@@ -308,7 +309,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
             state.hinge[:, None],
             state.docked,
             *received,
-            readings["laser"][:, :_NUM_BEAMS],
+            readings["laser"],
         )
         space = self._observation[self.possible_agents[0]]
         rows = np.clip(np.concatenate(parts, axis=1), space.low, space.high).astype(np.float32)

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from reconstruction._src.geometry.rows import dot_all, dot_rows
+from reconstruction._src.geometry.rows import dot_rows
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.contact.quality import RayMesh
 from symbrion_gym._src.robot.scout import find_scout_rays
@@ -17,6 +17,7 @@ from symbrion_gym._src.swarm.world import SwarmCommands, SwarmState
 
 _CELL = 0.05  # Edge of the cells of the highest surface [m]: half of a robot
 _MOST_CELLS = 4_000_000  # Cells are wider where there would be more of them
+_MOST_TESTS = 4_000_000  # Of third robots between two, at once: 32 MB an array
 _LEAST = 1e-12  # Components of directions are not smaller than this: no division by zero
 
 
@@ -53,33 +54,42 @@ class Sight(RayMesh):
         np.minimum.at(distances, rays, hit)
         return distances
 
-    def find_clear(
-        self,
-        places: Float[np.ndarray, "F 3"],
-        ends: Float[np.ndarray, "R 3"],
-        fan: Int[np.ndarray, " R"],
-        state: SwarmState,
-        first: Int[np.ndarray, " R"],
-        second: Int[np.ndarray, " R"],
-    ) -> Bool[np.ndarray, " R"]:
-        """Return whether neither surface nor a third robot is between two places."""
-        starts = places[fan]
-        way = ends - starts
-        length = np.sqrt(dot_rows(way, way))
-        directions = way / np.maximum(length, _LEAST)[:, None]
+    def find_clear(self, state: SwarmState, reach: float) -> Bool[np.ndarray, "N N"]:
+        """Return which robots see each other's middle within reach [m].
+
+        Neither surface nor a third robot, a ball of half its width, is between them.
+        """
         place = state.position
-        ahead = dot_all(directions, place) - dot_rows(directions, starts)[:, None]
-        squared = dot_rows(place, place) + dot_rows(starts, starts)[:, None] - 2.0 * dot_all(starts, place)
-        along = np.clip(ahead, 0.0, length[:, None])
-        beside = squared + along * (along - 2.0 * ahead)
-        beside[np.arange(len(first)), first] = np.inf
-        beside[np.arange(len(second)), second] = np.inf
-        rays, robots = np.nonzero(beside < self.robot_radius**2)
-        is_free = ~(self.cast_on_robots(starts, directions, state, rays, robots) < length)
-        left = np.flatnonzero(is_free)
-        counts = np.bincount(fan[left], minlength=len(places))
-        is_free[left] = ~(self.cast_fans(places, directions[left], counts) < length[left])
-        return is_free
+        between = place - place[:, None]
+        squares = dot_rows(between, between)
+        first, second = np.nonzero(np.triu(squares < reach**2, k=1))
+        length = np.maximum(np.sqrt(squares[first, second]), _LEAST)
+        directions = between[first, second] / length[:, None]
+        parts = np.array_split(np.arange(len(first)), len(first) * len(place) // _MOST_TESTS + 1)
+        is_shaded = [self._find_shaded(squares, first[rows], second[rows], length[rows]) for rows in parts]
+        left = np.flatnonzero(~np.concatenate(is_shaded))
+        counts = np.bincount(first[left], minlength=len(place))
+        left = left[self.cast_fans(place, directions[left], counts) >= length[left]]
+        clear = np.zeros(squares.shape, bool)
+        clear[first[left], second[left]] = True
+        return clear | clear.T
+
+    def _find_shaded(
+        self,
+        squares: Float[np.ndarray, "N N"],
+        first: Int[np.ndarray, " P"],
+        second: Int[np.ndarray, " P"],
+        length: Float[np.ndarray, " P"],
+    ) -> Bool[np.ndarray, " P"]:
+        """Return between which robots a third one is, from the squares of all distances (law of cosines)."""
+        beside, rows, length = squares[first], np.arange(len(first)), length[:, None]
+        ahead = beside - squares[second]
+        ahead += length**2
+        ahead /= 2.0 * length
+        along = np.clip(ahead, 0.0, length)
+        beside += along * (along - 2.0 * ahead)
+        beside[rows, first] = beside[rows, second] = np.inf
+        return np.min(beside, axis=1, initial=np.inf) < self._half[1] ** 2
 
     def may_hit(
         self, origins: Float[np.ndarray, "R 3"], directions: Float[np.ndarray, "R 3"], reach: float
@@ -153,12 +163,17 @@ class Senses:
     | `laser` | [N, B] | distance along the laser's beams, lowest first; its range where nothing is near | m |
 
     Rays see the exact surface of the arena and the chassis of other robots, boxes of their size, not their arms.
-    `noise` is a factor on the standard deviations of `SensorNoise`.
+    `noise` is a factor on the standard deviations of `SensorNoise`; `beams`, of the lowest ones, how many are read.
     """
 
-    def __init__(self, world: SwarmWorld, noise: float = 1.0, seed: int = 0) -> None:
+    def __init__(
+        self, world: SwarmWorld, noise: float = 1.0, seed: int = 0, beams: int | None = None
+    ) -> None:
         self._world, self._noise = world, noise
-        self._origins, self._directions, self._ranges = find_scout_rays(world.scout)
+        count = NUM_UNITS + (world.scout.laser_beams if beams is None else beams)
+        self._origins, self._directions, self._ranges = (
+            rays[:count] for rays in find_scout_rays(world.scout)
+        )
         self.reset(seed)
 
     def reset(self, seed: int = 0) -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from reconstruction._src.geometry.rows import dot_all, dot_rows
+from reconstruction._src.geometry.rows import dot_rows
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
@@ -39,7 +39,7 @@ CAPTURE = 2.0
 LEAST_DISTANCE = 0.01  # Smaller distances count as this one [m]: units do not touch
 _LEAST_READING = 0.5  # Light below this reading is none [counts]: the standard deviation of the noise
 _find_rays = lru_cache(find_scout_rays)
-_NARROW = 0.92  # Cosine of the angle off a dock's axis beyond which almost all light is that of its wide part
+_REACH = (GAIN / _LEAST_READING) ** (1.0 / FALLOFF)  # Of that light [m]
 
 
 class Receptions(NamedTuple):
@@ -70,9 +70,9 @@ class Signals:
     """Carries beacons and messages between the robots of a world.
 
     Beacons and messages are of different frequencies and do not disturb each other; beacons add up. What is sent in a
-    decision is received in it. Light needs a line of sight from the dock to the middle of the receiving side: neither
-    the arena's exact surface nor a third robot may be between them. Wires lose nothing. `noise` is a factor on the
-    errors of readings and on the losses.
+    decision is received in it. Light needs a line of sight from the middle of one robot to that of the other: neither
+    the arena's exact surface nor a third robot, a ball of half its width, may be between them. Wires lose nothing.
+    `noise` is a factor on the errors of readings and on the losses.
     """
 
     def __init__(self, world: SwarmWorld, noise: float = 1.0, seed: int = 0) -> None:
@@ -134,10 +134,12 @@ def compute_light(
     unit_place, unit_axis = find_units(state, scout)
     sender, dock = np.nonzero(shining)
     start, start_axis = dock_place[sender, dock], dock_axis[sender, dock]
-    pair, receiver = _find_pairs(state, sender, start, start_axis, sight.robot_radius)
-    middle = (unit_place[:, ::2] + unit_place[:, 1::2]) / 2
-    facing = dot_rows(start[pair][:, None] - middle[receiver], unit_axis[receiver, ::2]) > 0.0
-    row, side = np.nonzero(facing)
+    pair, receiver = np.nonzero(sight.find_clear(state, _REACH + 2 * sight.robot_radius)[sender])
+    is_ahead = dot_rows(state.position[receiver] - start[pair], start_axis[pair]) > -sight.robot_radius
+    pair, receiver = pair[is_ahead], receiver[is_ahead]
+    side_axis = unit_axis[:, ::2]
+    front = dot_rows(unit_place[:, ::2], side_axis)
+    row, side = np.nonzero(dot_rows(start[pair][:, None], side_axis[receiver]) > front[receiver])
     pair, receiver = pair[row], receiver[row]
     units = 2 * side[:, None] + np.arange(2)
     readings = compute_readings(
@@ -147,10 +149,8 @@ def compute_light(
         unit_axis[receiver[:, None], units],
     )
     seen = np.flatnonzero(np.maximum(readings[:, 0], readings[:, 1]) > _LEAST_READING)
-    pair, receiver, side = pair[seen], receiver[seen], side[seen]
-    clear = sight.find_clear(start, middle[receiver, side], pair, state, sender[pair], receiver)
-    pair = pair[clear]
-    return Light(sender[pair], dock[pair], receiver[clear], side[clear], readings[seen][clear])
+    pair = pair[seen]
+    return Light(sender[pair], dock[pair], receiver[seen], side[seen], readings[seen])
 
 
 def find_units(
@@ -160,28 +160,6 @@ def find_units(
     origins, directions, _ = _find_rays(scout)
     turn = state.rotation.transpose(0, 2, 1)
     return origins[:NUM_UNITS] @ turn + state.position[:, None], directions[:NUM_UNITS] @ turn
-
-
-def _find_pairs(
-    state: SwarmState,
-    sender: Int[np.ndarray, " S"],
-    start: Float[np.ndarray, "S 3"],
-    axis: Float[np.ndarray, "S 3"],
-    radius: float,
-) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
-    """Return which senders may reach which robots: near enough for that part of the light, and not behind the dock."""
-    place = state.position
-    ahead = dot_all(axis, place) - dot_rows(axis, start)[:, None]
-    squared = dot_rows(place, place) + dot_rows(start, start)[:, None] - 2.0 * dot_all(start, place)
-    outer_reach, reach = (
-        (GAIN * lobe / _LEAST_READING) ** (1.0 / FALLOFF) + radius for lobe in (compute_lobe(_NARROW), 1.0)
-    )
-    nearest = np.maximum(np.sqrt(np.maximum(squared, 0.0)) - radius, 0.0)
-    is_narrow = (ahead + radius) ** 2 > _NARROW**2 * nearest**2
-    is_near = (ahead > -radius) & (squared < np.where(is_narrow, reach, outer_reach) ** 2)
-    is_near[np.arange(len(sender)), sender] = False
-    pair, receiver = np.nonzero(is_near)
-    return pair, receiver
 
 
 def compute_lobe(cosine: Float[np.ndarray, "*S"] | float) -> Float[np.ndarray, "*S"]:

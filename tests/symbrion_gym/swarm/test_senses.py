@@ -35,8 +35,9 @@ def test_another_robot_is_seen_at_the_face_of_its_box():
 
 
 def test_the_laser_sees_the_floor_where_its_beams_meet_it_and_a_robot_ahead():
-    _, senses = make_senses([[0.0, 0.0, 0.0], [0.6, 0.0, 0.3]])
+    world, senses = make_senses([[0.0, 0.0, 0.0], [0.6, 0.0, 0.3]])
     laser = senses.read()["laser"]
+    np.testing.assert_array_equal(Senses(world, 0.0, beams=7).read()["laser"], laser[:, :7])
     angles = np.linspace(*SCOUT.laser_angles, SCOUT.laser_beams)
     height = SCOUT.size[2] / 2 + LASER_HEIGHT
     down = angles < -0.3

@@ -45,7 +45,7 @@ def test_a_unit_at_one_meter_reads_the_gain():
 @pytest.mark.parametrize("angle", [0.0, 0.3, 0.45, 0.8, 1.3])
 def test_light_reaches_as_far_as_it_is_read(angle):
     """A robot that looks at a beacon reads it wherever its units would, near the axis of the light and to its sides."""
-    seen, wanted, tried = [], [], []
+    seen, wanted = [], []
     for distance in np.linspace(0.3, 2.9, 27):
         place = (distance * np.cos(angle) - 1.9, distance * np.sin(angle) - 1.0, angle + np.pi)
         world = make_world([(-1.9, -1.0, 0.0), place])
@@ -53,14 +53,11 @@ def test_light_reaches_as_far_as_it_is_read(angle):
         light = compute_light(world.state, shining, world.sight, world.scout)
         start, axis, _ = (part[0, FRONT] for part in compute_dock_frames(world.state))
         units, axes = (part[1, :2] for part in find_units(world.state, world.scout))
-        sender, radius = np.zeros(1, np.int64), world.sight.robot_radius
-        tried.append(len(signals._find_pairs(world.state, sender, start[None], axis[None], radius)[0]))
         seen.append(bool((light.side == FRONT).any()))
         wanted.append(bool((compute_readings(start, axis, units, axes) > 0.5).any()))
     assert any(wanted)
     assert not all(wanted) or angle < 0.4
     assert seen == wanted
-    assert angle < 0.5 or not any(tried[15:]), "to the sides none is tried from 1.8 m on"
 
 
 @pytest.mark.parametrize(
@@ -83,7 +80,8 @@ def test_the_side_that_looks_at_a_beacon_reads_it_and_its_nearer_unit_more():
 
 def test_a_third_robot_and_a_wall_are_in_the_way():
     free = [[0.0, 0.0, 0.0], [0.8, 0.0, np.pi]]
-    assert exchange([*free, [0.4, 0.5, 0.0]], [(0, FRONT)]).beacon[1, 0] > 5.0
+    for robot in (0, 1):
+        assert exchange([*free, [0.4, 0.5, 0.0]], [(robot, FRONT)]).beacon[1 - robot, 0] > 5.0
     assert exchange([*free, [0.4, 0.0, 0.0]], [(0, FRONT)]).beacon[1, 0] == AMBIENT
     assert exchange(free, [(0, FRONT)], arena=make_floor(make_sheet(0.4))).beacon[1, 0] == AMBIENT
 

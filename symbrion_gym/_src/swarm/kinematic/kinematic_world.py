@@ -3,6 +3,8 @@
 They stand on the ground of an arena: on planes below their tracks, between slopes, steps and walls.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
