@@ -23,6 +23,7 @@ LARGEST_OFFSET = 0.010  # Largest displacement to the side [m]
 LARGEST_RISE = 0.008  # Largest displacement along the height of a module [m]
 LARGEST_ANGLE = np.deg2rad(10.0)  # Largest angle between one unit's axis and the other's reversed axis [rad]
 LARGEST_ROLL = np.deg2rad(10.0)  # Largest rotation of the units against each other about their axis [rad]
+_REACH = float(np.linalg.norm([LARGEST_GAP + SCOUT.dock_gap, LARGEST_OFFSET, LARGEST_RISE]))  # Of all [m]
 MATING_TIME = 1.0  # In which the cones pull a latched pair to its exact pose [s]
 
 
@@ -71,8 +72,13 @@ def find_matches(state: SwarmState, latch: Bool[np.ndarray, "N 4"]) -> list[Dock
     robots, sides = np.nonzero(np.asarray(latch, bool) & ~state.docked)
     if len(robots) < 2:
         return []
+    from scipy.spatial import cKDTree
+
     frames = DockFrames(*(field[robots, sides] for field in compute_dock_frames(state)))
-    first, second, distance = _find_close_pairs(frames)
+    pairs = cKDTree(frames.position).query_pairs(_REACH, output_type="ndarray")
+    if len(pairs) == 0:
+        return []
+    first, second, distance = _choose_close(frames, *pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].T)
     is_other = robots[first] != robots[second]
     order = np.argsort(distance[is_other], kind="stable")
     links, found = list(state.links), []
@@ -85,15 +91,10 @@ def find_matches(state: SwarmState, latch: Bool[np.ndarray, "N 4"]) -> list[Dock
     return found
 
 
-def _find_close_pairs(
-    frames: DockFrames,
+def _choose_close(
+    frames: DockFrames, first: Int[np.ndarray, " A"], second: Int[np.ndarray, " A"]
 ) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"], Float[np.ndarray, " P"]]:
-    """Return indices and distances of the pairs of docks within tolerance; first < second."""
-    from scipy.spatial import cKDTree
-
-    reach = float(np.linalg.norm([LARGEST_GAP + SCOUT.dock_gap, LARGEST_OFFSET, LARGEST_RISE]))
-    pairs = cKDTree(frames.position).query_pairs(reach, output_type="ndarray")
-    first, second = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].T
+    """Return indices and distances of the pairs of docks within tolerance."""
     between = frames.position[second] - frames.position[first]
     facing = -dot_rows(frames.axis[first], frames.axis[second])
     axis = frames.axis[first] - frames.axis[second]
