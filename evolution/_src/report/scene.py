@@ -20,6 +20,7 @@ from reconstruction._src.surfaces.color import find_vertex_colors
 Trace = dict[str, Any]
 MILLIMETER_DIGITS = 3  # Decimals of coordinates in meters
 _AWAY = np.array([-0.56, -2.26, 1.28])  # From what the camera looks at to the camera, in sizes of the scene
+_AWAY_FROM_FOCUS = np.array([-0.45, -1.55, 2.1])  # Likewise, so steep that low walls hide little of a floor
 _BELOW = np.array([0.0, 0.0, -0.04])  # It looks so far below the middle
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
@@ -115,7 +116,7 @@ class Scene:
     def make_view(self) -> dict[str, Any]:
         """Return camera and scale: all of the scene, or what is around the focus."""
         if self.focus is None:
-            center, aspect = _BELOW, {"aspectmode": "data"}
+            center, away, aspect = _BELOW, _AWAY, {"aspectmode": "data"}
         else:
             traces = [trace for layer in self.layers for trace in layer.traces]
             ends = [(np.nanmin(trace[axis]), np.nanmax(trace[axis])) for axis in "xyz" for trace in traces]
@@ -123,8 +124,11 @@ class Scene:
             low, high = low.min(axis=0), high.max(axis=0)
             size = max(float(np.ptp(self.focus, axis=0).max()) / 2, _LEAST_SIZE)
             center = _BELOW + (self.focus.mean(axis=0) - (low + high) / 2) / size
-            aspect = {"aspectmode": "manual", "aspectratio": _name((high - low) / size)}
-        return {**aspect, "camera": {"eye": _name(center + _AWAY), "center": _name(center)}}
+            away, aspect = (
+                _AWAY_FROM_FOCUS,
+                {"aspectmode": "manual", "aspectratio": _name((high - low) / size)},
+            )
+        return {**aspect, "camera": {"eye": _name(center + away), "center": _name(center)}}
 
     def _add(self, name: str, traces: list[Trace], is_shown: bool) -> None:
         for trace in traces:
