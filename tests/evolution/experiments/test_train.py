@@ -212,8 +212,9 @@ def test_where_no_ground_is_confirmed_no_other_way_is_advised(tmp_path: Path) ->
 def test_no_way_is_chosen_on_which_who_drives_straight_on_arrives(tmp_path: Path, monkeypatch) -> None:
     floor = make_floor(2.0)
     ends = {"start": (-0.5, 0.0), "goal": (0.1, 0.0), "places": ()}
+    at_times = ends | {"goal": (0.1, 0.11)}  # on which it depends on the start
     turn = {"start": (-0.5, 0.0), "goal": (0.1, 0.4), "places": ((0.0, 0.0),)}
-    monkeypatch.setattr(training, "_list_ways", lambda *_: iter([ends, turn]))
+    monkeypatch.setattr(training, "_list_ways", lambda *_: iter([ends, at_times, turn]))
     assert choose_task([floor, floor], tmp_path, None, None, None, 0, 1).goal == turn["goal"]
     given = choose_task([floor, floor], tmp_path, None, ends["start"], ends["goal"], 0, 1)
     assert given.goal == ends["goal"], "a way that is asked for is taken"
