@@ -106,6 +106,8 @@ def _find_near(
                 trees[1], 2 * radius[is_large].max(), output_type="ndarray"
             )
             one, other = one[near["i"]], other[near["j"]]
+            is_near = near["v"] <= radius[one] + radius[other]
+            one, other = one[is_near], other[is_near]
             is_new = is_smaller[other] | ~is_selected[other] | (one < other)
             one, other = one[is_new], other[is_new]
             is_met = all_rows((low[one] <= high[other]) & (low[other] <= high[one]))

@@ -56,14 +56,23 @@ def find_folded(vertices: Vertices, faces: Faces) -> Chosen:
 
 
 def find_tangled(
-    vertices: Vertices, faces: Faces, hinges: Hinges, is_suspect: Chosen, is_tested: Chosen | None = None
+    vertices: Vertices,
+    faces: Faces,
+    hinges: Hinges,
+    is_suspect: Chosen,
+    is_changed: Chosen,
+    is_tested: Chosen | None = None,
 ) -> Chosen:
-    """Return which faces are folded, or intersect another; these are looked for at suspects and sharp edges."""
+    """Return which faces are folded, or intersect another.
+
+    These are looked for at suspects, and at sharp edges of faces that changed since they were looked for last.
+    """
     is_tangled = find_folded(vertices, faces)
     cosine = measure_bends(vertices, faces, hinges)
     is_tangled[hinges.faces[cosine < np.cos(FOLD_ANGLE)]] = True
     is_suspect = is_suspect | is_tangled
-    is_suspect[hinges.faces[cosine < np.cos(_SHARP_ANGLE)]] = True
+    sharp = hinges.faces[cosine < np.cos(_SHARP_ANGLE)]
+    is_suspect[sharp[any_rows(is_changed[sharp])]] = True
     if is_tested is not None:
         is_suspect &= is_tested
     if is_suspect.any():
@@ -99,7 +108,8 @@ def unfold_faces(
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge])
-    best = find_tangled(vertices, faces, hinges, any_rows(is_turn[faces]), is_tested)
+    every = np.ones(len(faces), dtype=bool)
+    best = find_tangled(vertices, faces, hinges, any_rows(is_turn[faces]), every, is_tested)
     if not best.any():
         return vertices, best
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
@@ -116,8 +126,8 @@ def unfold_faces(
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
             current = current.copy()
             current[moved] += _STEP * (around @ current / share - current[moved])
-            is_suspect = tangled | any_rows(is_moved[faces])
-            tangled = find_tangled(current, faces, hinges, is_suspect, is_tested)
+            is_changed = any_rows(is_moved[faces])
+            tangled = find_tangled(current, faces, hinges, tangled | is_changed, is_changed, is_tested)
             left -= 1
             if tangled.sum() < best.sum():
                 vertices, best, left = current, tangled, _ROUNDS

@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
+from reconstruction._src.base.atomic_write import find_leftovers, write_file
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.typed_json import JsonError, as_type, read_json
 from symbrion_gym._src.arenas.checks import (
@@ -90,14 +90,7 @@ class FileOwner(NamedTuple):
 
 def _is_inside(folder: Path, name: str) -> bool:
     """Return whether a name leads to that place in the folder, and by no link elsewhere."""
-    return (folder / name).resolve() == folder.resolve() / name
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file, and the folder that it lies in."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as temporary:
-        temporary.write_bytes(content)
+    return Path(os.path.realpath(folder / name)) == Path(os.path.realpath(folder), name)
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
@@ -170,7 +163,12 @@ def save_arena(folder: str | Path, geometry: ArenaGeometry, about: dict[str, Any
     for place in (PLAIN,) if own.place == SPARE else (SPARE, PLAIN):
         current = {f"{place}{name}" for name in meshes} | {MODEL, ABOUT}
         for name, content in meshes.items():
-            write_file(folder / f"{place}{name}", content)
+            path, twin = (
+                folder / f"{place}{name}",
+                None if SPARE in (place, own.place) else folder / SPARE / name,
+            )
+            if twin is None or not _link(twin, path):
+                write_file(path, content)
         files = sorted(current if place == PLAIN else own.names | wanted)
         write_json(folder / ABOUT, about | {"place": place, "files": files})
         write_file(folder / MODEL, models[place].encode())
@@ -186,6 +184,16 @@ def find_own_files(folder: Path) -> OwnFiles:
     spare = {path.relative_to(folder).as_posix() for path in paths}
     own = {name for name in spare if _OWNER.pattern.fullmatch(name)}
     return OwnFiles(SPARE if about.get("place") == SPARE else PLAIN, _OWNER.list_files(about) | own)
+
+
+def _link(source: Path, path: Path) -> bool:
+    """Give a file that is on the disk another name, which is faster than to write it again; return whether it has."""
+    try:
+        path.parent.mkdir(exist_ok=True)
+        os.link(source, path, follow_symlinks=False)
+    except OSError:  # no source, something there, or no links on this disk
+        return False
+    return True
 
 
 def _drop_stale_model(folder: Path, place: str) -> None:

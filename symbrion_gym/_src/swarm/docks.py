@@ -5,6 +5,7 @@ at hand. The protocol of the robots (symbrion-morph) locks once both units touch
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -38,18 +39,24 @@ class DockFrames(NamedTuple):
 
 def compute_dock_frames(state: SwarmState) -> DockFrames:
     """Return positions, axes and ups of the docks of all robots in the arena."""
-    places = np.array([SCOUT.compute_dock(side) for side in SIDES])
     count = len(state.position)
-    local = np.zeros((count, 4, 3, 3))
-    local[:, :, 0, 0], local[:, :, 0, 1] = places[:, 0], places[:, 1]
-    local[:, :, 1, 0], local[:, :, 1, 1] = np.cos(places[:, 2]), np.sin(places[:, 2])
-    local[:, :, 2, 2] = 1.0
+    local = np.tile(_find_frames(), (count, 1, 1, 1))
     cosine, sine, zero = np.cos(state.hinge), np.sin(state.hinge), np.zeros(count)
     ahead = np.stack([cosine, zero, sine], axis=1)
     local[:, FRONT, 0], local[:, FRONT, 1] = SCOUT.arm_reach * ahead, ahead
     local[:, FRONT, 2] = np.stack([-sine, zero, cosine], axis=1)
-    turned = np.einsum("nij,nskj->nksi", state.rotation, local)
-    return DockFrames(turned[:, 0] + state.position[:, None], turned[:, 1], turned[:, 2])
+    turned = (local.reshape(count, 12, 3) @ state.rotation.transpose(0, 2, 1)).reshape(local.shape)
+    return DockFrames(turned[:, :, 0] + state.position[:, None], turned[:, :, 1], turned[:, :, 2])
+
+
+@lru_cache
+def _find_frames() -> Float[np.ndarray, "4 3 3"]:
+    """Return place, axis and up of each dock in the frame of a module, its hinge at 0."""
+    x, y, heading = np.array([SCOUT.compute_dock(side) for side in SIDES]).T
+    zero, one = np.zeros(len(SIDES)), np.ones(len(SIDES))
+    return np.array([[x, y, zero], [np.cos(heading), np.sin(heading), zero], [zero, zero, one]]).transpose(
+        2, 0, 1
+    )
 
 
 def change_links(state: SwarmState, latch: Bool[np.ndarray, "N 4"]) -> tuple[list[Docking], list[Docking]]:

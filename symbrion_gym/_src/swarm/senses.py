@@ -32,27 +32,27 @@ class Sight(RayMesh):
 
     def cast_on_robots(
         self,
-        origins: Float[np.ndarray, "R 3"],
-        directions: Float[np.ndarray, "R 3"],
+        origins: Float[np.ndarray, "K 3"],
+        directions: Float[np.ndarray, "K 3"],
         state: SwarmState,
-        rays: Int[np.ndarray, " P"],
-        robots: Int[np.ndarray, " P"],
-    ) -> Float[np.ndarray, " R"]:
-        """Return the distance of the nearest chassis along each ray [m]; inf for none. A ray within one is at 0."""
-        distances = np.full(len(origins), np.inf)
-        rotation = state.rotation[robots]
-        place, direction = origins[rays] - state.position[robots], directions[rays]
-        enter, leave = np.zeros(len(rays)), np.full(len(rays), np.inf)
+        first: Int[np.ndarray, " P"],
+        second: Int[np.ndarray, " P"],
+    ) -> Float[np.ndarray, "P K"]:
+        """Return how far along each ray of a first robot, given in its frame, the chassis of a second one is [m].
+
+        Infinity where it is not on the ray; 0 where the ray begins within it.
+        """
+        frame = state.rotation[second]
+        turn = state.rotation[first].transpose(0, 2, 1) @ frame
+        starts = origins @ turn + (state.position[first] - state.position[second])[:, None] @ frame
+        ways = directions @ turn
+        ways = np.where(np.abs(ways) < _LEAST, _LEAST, ways)
+        enter, leave = np.zeros(starts.shape[:2]), np.full(starts.shape[:2], np.inf)
         for axis, half in enumerate(self._half):
-            normal = rotation[:, :, axis]
-            start, ahead = dot_rows(place, normal), dot_rows(direction, normal)
-            ahead = np.where(np.abs(ahead) < _LEAST, _LEAST, ahead)
-            one, other = (-half - start) / ahead, (half - start) / ahead
+            one, other = ((end - starts[..., axis]) / ways[..., axis] for end in (-half, half))
             enter = np.maximum(enter, np.minimum(one, other))
             leave = np.minimum(leave, np.maximum(one, other))
-        hit = np.where(enter <= leave, enter, np.inf)
-        np.minimum.at(distances, rays, hit)
-        return distances
+        return np.where(enter <= leave, enter, np.inf)
 
     def find_clear(self, state: SwarmState, reach: float) -> Bool[np.ndarray, "N N"]:
         """Return which robots see each other's middle within reach [m].
@@ -63,31 +63,31 @@ class Sight(RayMesh):
         between = place - place[:, None]
         squares = dot_rows(between, between)
         first, second = np.nonzero(np.triu(squares < reach**2, k=1))
-        length = np.maximum(np.sqrt(squares[first, second]), _LEAST)
-        directions = between[first, second] / length[:, None]
         parts = np.array_split(np.arange(len(first)), len(first) * len(place) // _MOST_TESTS + 1)
         single = squares.astype(np.float32)  # Faster, and far finer than robots are told apart
         is_shaded = [self._find_shaded(single, first[rows], second[rows]) for rows in parts]
         left = np.flatnonzero(~np.concatenate(is_shaded))
-        counts = np.bincount(first[left], minlength=len(place))
-        left = left[self.cast_fans(place, directions[left], counts) >= length[left]]
-        clear = np.zeros(squares.shape, bool)
-        clear[first[left], second[left]] = True
+        first, second = first[left], second[left]
+        length = np.maximum(np.sqrt(squares[first, second]), _LEAST)
+        counts, clear = np.bincount(first, minlength=len(place)), np.zeros(squares.shape, bool)
+        clear[first, second] = (
+            self.cast_fans(place, between[first, second] / length[:, None], counts) >= length
+        )
         return clear | clear.T
 
     def _find_shaded(
         self, squares: Float[np.ndarray, "N N"], first: Int[np.ndarray, " P"], second: Int[np.ndarray, " P"]
     ) -> Bool[np.ndarray, " P"]:
         """Return between which robots a third one is, from the squares of all distances (law of cosines)."""
-        beside, rows = squares[first], np.arange(len(first))
-        length = np.sqrt(np.maximum(squares[first, second], _LEAST))[:, None]
-        ahead = beside - squares[second]
-        ahead += length**2
-        ahead /= 2.0 * length
-        along = np.clip(ahead, 0.0, length)
-        beside += along * (along - 2.0 * ahead)
-        beside[rows, first] = beside[rows, second] = np.inf
-        return np.min(beside, axis=1, initial=np.inf) < self._half[1] ** 2
+        whole, gap = squares[first, second][:, None], squares[first]
+        along = gap - squares[second]
+        is_between = np.abs(along) < whole
+        along += whole
+        along *= along
+        along /= 4.0 * np.maximum(whole, _LEAST)
+        gap -= along
+        is_between &= gap < self._half[1] ** 2
+        return is_between.any(axis=1)
 
     def may_hit(
         self, origins: Float[np.ndarray, "R 3"], directions: Float[np.ndarray, "R 3"], reach: float
@@ -212,25 +212,22 @@ class Senses:
         beams = sight.cast_fans(
             origins[:, NUM_UNITS], directions[:, NUM_UNITS:].reshape(-1, 3), np.full(count, num - NUM_UNITS)
         )
-        surface = np.concatenate([short.reshape(count, -1), beams.reshape(count, -1)], axis=1)
-        flat = origins.reshape(-1, 3), directions.reshape(-1, 3)
-        robots = sight.cast_on_robots(*flat, state, *self._pair(state)).reshape(count, num)
-        nearest = np.minimum(surface, robots)
+        nearest = np.concatenate([short.reshape(count, -1), beams.reshape(count, -1)], axis=1)
+        for part, chosen in zip(self._pair(state), (slice(NUM_UNITS), slice(NUM_UNITS, num)), strict=True):
+            first, second = np.nonzero(part)
+            hits = sight.cast_on_robots(self._origins[chosen], self._directions[chosen], state, first, second)
+            begins = np.flatnonzero(np.diff(first, prepend=-1))
+            if len(begins):
+                seen = nearest[first[begins], chosen]
+                nearest[first[begins], chosen] = np.minimum(seen, np.minimum.reduceat(hits, begins))
         return np.where(nearest <= self._ranges, nearest, np.inf)
 
-    def _pair(self, state: SwarmState) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
-        """Return which rays may hit which robots: the infrared of near ones, the laser's plane through farther ones."""
-        radius, num = self._world.sight.robot_radius, len(self._ranges)
-        way = state.position[None] - state.position[:, None]
-        distance = np.linalg.norm(way, axis=2)
-        np.fill_diagonal(distance, np.inf)
-        ahead = way @ state.rotation
-        is_crossed = (np.abs(ahead[..., 1]) < radius) & (ahead[..., 0] > 0.0)
-        infrared = distance < self._ranges[0] + 2 * radius
-        laser = is_crossed & (distance < self._ranges[-1] + 2 * radius)
-        rays, robots = [], []
-        for pairs, chosen in ((infrared, np.arange(NUM_UNITS)), (laser, np.arange(NUM_UNITS, num))):
-            first, second = np.nonzero(pairs)
-            rays.append((first[:, None] * num + chosen).ravel())
-            robots.append(np.repeat(second, len(chosen)))
-        return np.concatenate(rays), np.concatenate(robots)
+    def _pair(self, state: SwarmState) -> tuple[Bool[np.ndarray, "N N"], Bool[np.ndarray, "N N"]]:
+        """Return whose rays may hit which robots: infrared those near, the laser those ahead and across its plane."""
+        radius = self._world.sight.robot_radius
+        way = state.position - state.position[:, None]
+        squares = dot_rows(way, way)
+        np.fill_diagonal(squares, np.inf)
+        ahead, left = (dot_rows(way, state.rotation[:, None, :, axis]) for axis in (0, 1))
+        is_near, is_far = (squares < (self._ranges[ray] + 2 * radius) ** 2 for ray in (0, -1))
+        return is_near, is_far & (np.abs(left) < radius) & (ahead > 0.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from reconstruction._src.surfaces import unfolding
 from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
 from reconstruction._src.surfaces.unfolding import find_folded, unfold_faces, untangle
 
@@ -92,3 +93,15 @@ def test_an_edge_without_length_has_no_direction_in_single_precision_either():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     with np.errstate(all="raise"):
         assert np.isfinite(unfold_faces(vertices, np.array([[0, 1, 3], [1, 2, 3]]))[0]).all()
+
+
+def test_what_did_not_change_need_not_be_looked_at_again(monkeypatch):
+    vertices, faces = make_lattice(14)
+    vertices += np.random.default_rng(0).normal(0, 0.6, vertices.shape)
+    quick, is_tangled = unfold_faces(vertices, faces)
+    find, every = unfolding.find_tangled, np.full(len(faces), True)
+    monkeypatch.setattr(unfolding, "find_tangled", lambda *given: find(*given[:3], every, every))
+    whole, wanted = unfold_faces(vertices, faces)
+    np.testing.assert_array_equal(quick, whole)
+    np.testing.assert_array_equal(is_tangled, wanted)
+    assert not np.array_equal(quick, vertices)

@@ -187,3 +187,13 @@ def test_shipped_arenas_are_known_as_such(tmp_path: Path) -> None:
     source = Path(__file__).parents[3] / "assets" / "arenas" / "gsrm"
     own = find_own_files(source)
     assert own.names == list_files(source)
+
+
+def test_a_disk_without_links_holds_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    OLD.save(tmp_path / "linked")
+    monkeypatch.setattr(os, "link", lambda *_, **__: os.stat(tmp_path / "none"))
+    OLD.save(tmp_path / "written")
+    names = list_files(tmp_path / "linked")
+    assert names == list_files(tmp_path / "written")
+    for name in names:
+        assert (tmp_path / "linked" / name).read_bytes() == (tmp_path / "written" / name).read_bytes()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from swarm_cases import make_state
+from swarm_cases import FLOOR, make_floor, make_sheet, make_state
 
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.robot.scout import find_scout_rays
@@ -16,7 +16,7 @@ from symbrion_gym._src.swarm.behavior.sensing import (
     read_wires,
 )
 from symbrion_gym._src.swarm.docks import compute_dock_frames
-from symbrion_gym._src.swarm.senses import NUM_UNITS
+from symbrion_gym._src.swarm.senses import NUM_UNITS, Sight
 from symbrion_gym._src.swarm.signals import compute_readings, find_units
 from symbrion_gym._src.swarm.world import BACK
 
@@ -30,9 +30,13 @@ def speak(*robots: int) -> np.ndarray:
     return speaks
 
 
+def find(state, speaks, arena=FLOOR):
+    return find_links(state, speaks, Sight(arena, make_scout()).find_clear(state, 5.0))
+
+
 def listen(state, words, speaks, **options):
     rng = np.random.default_rng(0)
-    return hear(find_links(state, speaks), words, speaks, 0.0, np.zeros((2, 3)), rng, **options)
+    return hear(find(state, speaks), words, speaks, 0.0, np.zeros((2, 3)), rng, **options)
 
 
 def test_a_beacon_straight_ahead_is_heard_with_its_distance_and_angles() -> None:
@@ -52,23 +56,24 @@ def test_a_dock_is_as_bright_as_the_signals_have_it(x: float, y: float, heading:
     docks, axes, _ = compute_dock_frames(state)
     units, looks = find_units(state, make_scout())
     readings = compute_readings(docks[0, BACK], axes[0, BACK], units[1], looks[1])
-    links = find_links(state, speak(0)[:2])
+    links = find(state, speak(0)[:2])
     brightness = compute_brightness(links.distance, links.departure, np.abs(links.bearing))
     assert brightness[0] == pytest.approx(readings.reshape(4, 2).sum(axis=1).max(), rel=0.15)
 
 
 def test_departure_says_on_which_side_of_the_axis_a_robot_is() -> None:
     for y, sign in ((0.2, -1.0), (-0.2, 1.0)):  # seen along the dock's axis, which looks back
-        links = find_links(make_state([(0.0, 0.0, 0.0), (-0.6, y, 0.0), FAR]), speak(0))
+        links = find(make_state([(0.0, 0.0, 0.0), (-0.6, y, 0.0), FAR]), speak(0))
         assert np.sign(links.departure[0]) == sign
         assert np.sign(links.bearing[0]) == -np.sign(y)
 
 
-def test_nothing_is_heard_from_behind_a_dock_or_through_a_robot() -> None:
+def test_nothing_is_heard_from_behind_a_dock_or_through_a_robot_or_a_wall() -> None:
     ahead = make_state([(0.0, 0.0, 0.0), (0.6, 0.0, 0.0), FAR])
-    assert len(find_links(ahead, speak(0)).receiver) == 0
+    assert len(find(ahead, speak(0)).receiver) == 0
     shaded = make_state([(0.0, 0.0, 0.0), (-0.6, 0.0, 0.0), (-0.3, 0.0, 0.0)])
-    assert find_links(shaded, speak(0)).receiver.tolist() == [2]
+    assert find(shaded, speak(0)).receiver.tolist() == [2]
+    assert find(shaded, speak(0), make_floor(make_sheet(-0.2))).receiver.tolist() == []
 
 
 @pytest.mark.parametrize(("askers", "is_understood"), [([1], True), ([1, 2], False)])

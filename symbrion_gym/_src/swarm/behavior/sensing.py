@@ -4,7 +4,7 @@ The law of light and its constants are those of `Signals`, so that both agree on
 distance, bearing and departure are not made from its readings: the two units of a side do not tell a dock that is far
 from one that is seen askew, so that no departure can be read from them, and how the real robots found theirs is not
 known. The errors are fitted to how long their docking took instead. Unlike in `Signals`, a side counts as one unit,
-only other robots shade, not the arena, and any two robots that ask at once disturb each other.
+and any two robots that ask at once disturb each other.
 """
 
 from math import pi
@@ -42,9 +42,6 @@ FARTHEST = 0.30
 """A beam looks for drops if it meets level ground nearer than this to the center of the robot [m]."""
 SIDE_ANGLES = np.array([ScoutConfig().compute_dock(side)[2] for side in SIDES])
 """Directions of the docks in the frame of a robot [rad], in the order of `SIDES`."""
-_BODY = 0.045
-"""Half of the width that a body shades [m]: less than half of its edge, as light passes its round corners."""
-_TALL = 0.08  # Bodies shade what passes less than this above or below their centers [m]
 _FARTHEST_HEARD = (2.0 * GAIN / MESSAGE_THRESHOLD) ** (1.0 / FALLOFF) + np.linalg.norm(ScoutConfig().size)
 
 
@@ -76,7 +73,8 @@ class Sensing:
         new = rng.standard_normal((2, world.num_robots))
         self._bias = share * self._bias + BIAS * np.sqrt(1.0 - share**2) * new
         asks = np.broadcast_to((words.asker >= 0)[:, None], words.is_beacon.shape)
-        links = find_links(state, words.is_beacon | words.is_guide | asks)
+        clear = world.sight.find_clear(state, _FARTHEST_HEARD + world.sight.robot_radius)
+        links = find_links(state, words.is_beacon | words.is_guide | asks, clear)
         self._run = self._run + readings["odometry"]
         pitch, roll = readings["tilt"].T
         return Percepts(
@@ -120,13 +118,13 @@ class Links(NamedTuple):
     departure: Float[np.ndarray, " L"]  # from the axis of the sender's dock [rad]
 
 
-def find_links(state: SwarmState, speaks: Bool[np.ndarray, "N 4"]) -> Links:
-    """Return which speaking docks reach which robots: bright enough, with no other robot between."""
+def find_links(state: SwarmState, speaks: Bool[np.ndarray, "N 4"], clear: Bool[np.ndarray, "N N"]) -> Links:
+    """Return which speaking docks reach which robots: bright enough, and in sight of each other."""
     place, axis, _ = compute_dock_frames(state)
     sender, side = np.nonzero(speaks)
     way = place[sender, side][None] - state.position[:, None]
     far = np.linalg.norm(way, axis=-1)
-    is_near = (far < _FARTHEST_HEARD) & (np.arange(len(far))[:, None] != sender)
+    is_near = (far < _FARTHEST_HEARD) & clear[:, sender]
     receiver, row = np.nonzero(is_near)
     sender, side, way, far = sender[row], side[row], way[is_near], far[is_near]
     ahead, left = state.rotation[receiver, :, 0], state.rotation[receiver, :, 1]
@@ -137,9 +135,7 @@ def find_links(state: SwarmState, speaks: Bool[np.ndarray, "N 4"]) -> Links:
     out = axis[sender, side]
     departure = wrap(np.arctan2(-way[:, 1], -way[:, 0]) - np.arctan2(out[:, 1], out[:, 0]))
     kept = compute_brightness(distance, departure, off_sides.min(axis=-1)) > MESSAGE_THRESHOLD
-    found = Links(*(part[kept] for part in (receiver, sender, side, distance, bearing, departure)))
-    is_shaded = _find_shaded(state.position, found, way[kept])
-    return Links(*(part[~is_shaded] for part in found))
+    return Links(*(part[kept] for part in (receiver, sender, side, distance, bearing, departure)))
 
 
 def compute_brightness(
@@ -148,20 +144,6 @@ def compute_brightness(
     """Return what both units of a side read of a dock in plain sight [counts]."""
     near, seen = np.maximum(distance, LEAST_DISTANCE), np.maximum(np.cos(off_side), 0.0)
     return 2.0 * GAIN * compute_lobe(np.maximum(np.cos(departure), 0.0)) * seen**RECEPTION * near**-FALLOFF
-
-
-def _find_shaded(
-    position: Float[np.ndarray, "N 3"], links: Links, way: Float[np.ndarray, "K 3"]
-) -> Bool[np.ndarray, " K"]:
-    """Return where a third robot stands between a receiver and a dock."""
-    length = np.maximum((way**2).sum(axis=-1), LEAST_DISTANCE**2)
-    to_third = position[None] - position[links.receiver][:, None]
-    share = np.clip(np.einsum("kj,ktj->kt", way, to_third) / length[:, None], 0.0, 1.0)
-    gap = to_third - share[..., None] * way[:, None]
-    is_near = (np.hypot(gap[..., 0], gap[..., 1]) < _BODY) & (np.abs(gap[..., 2]) < _TALL)
-    rows = np.arange(len(way))
-    is_near[rows, links.receiver] = is_near[rows, links.sender] = False
-    return is_near.any(axis=-1)
 
 
 def hear(
