@@ -34,11 +34,19 @@ class Console:
         )
 
     def __enter__(self) -> "Console":
+        self._starting = [
+            self._bars.add_task("Starting", total=None, detail="")
+        ]  # until packages are imported
         self._bars.start()
         return self
 
     def __exit__(self, *error: object) -> None:
+        self._end_start()
         self._bars.stop()
+
+    def _end_start(self) -> None:
+        while self._starting:
+            self._bars.remove_task(self._starting.pop())
 
     def print_line(self, text: str) -> None:
         """Print a line of results."""
@@ -53,6 +61,7 @@ class Console:
 
     def track(self, title: str) -> "Step":
         """Return a step with its own progress bar, for use in a `with` block."""
+        self._end_start()
         log = None if self.quiet or self._rich.is_terminal else self._rich
         return Step(make_printable(title), self._bars, log)
 

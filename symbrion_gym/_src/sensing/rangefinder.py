@@ -14,7 +14,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP
 from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.errors import SurveyError
-from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, expose, round_to_pixels
+from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, expose
 from symbrion_gym._src.sensing.survey_world import cast_rays
 
 
@@ -122,7 +122,7 @@ class Camera:
     It sees the colors of the arena; other bodies are gray.
 
     Attributes:
-        config: exposure and noise, and the angle of a pixel for `color_readings`.
+        config: exposure and noise.
     """
 
     def __init__(
@@ -185,20 +185,6 @@ class Camera:
         grid = np.stack(np.broadcast_arrays(1.0, left[None, :], up[:, None]), axis=-1).reshape(-1, 3)
         colors = self._see(data, grid / np.linalg.norm(grid, axis=1, keepdims=True))
         return expose(colors, self.config, rng).reshape(height, width, 3)
-
-    def color_readings(
-        self, data: mujoco.MjData, positions: Float[np.ndarray, "N 3"], rng: np.random.Generator | None = None
-    ) -> UInt8[np.ndarray, "N 3"]:
-        """Return the colors of the pixels that readings fall on, 0 to 255.
-
-        Args:
-            data: a state whose positions are computed.
-            positions: of the readings in the world, as a range finder measured them [m].
-            rng: source of exposure and noise; None: without errors.
-        """
-        rotation = data.site_xmat[self._finder.site].reshape(3, 3) @ self._frame.T
-        ways = (np.asarray(positions, dtype=np.float64) - data.site_xpos[self._finder.site]) @ rotation
-        return expose(self._see(data, round_to_pixels(ways, self.config.pixel)), self.config, rng)
 
     def _see(self, data: mujoco.MjData, directions: Float[np.ndarray, "R 3"]) -> Float[np.ndarray, "R 3"]:
         """Return the colors (0 to 1) of what is in directions: ahead, left, up."""

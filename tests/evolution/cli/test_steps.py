@@ -1,9 +1,12 @@
-"""The time that is left, as a step prints it where there is no terminal."""
+"""What is seen before the first step, and the time that is left, as a step prints it where there is no terminal."""
+
+import io
+import sys
 
 import pytest
 
 from evolution._src.cli import console
-from evolution._src.cli.console import Step
+from evolution._src.cli.console import Console, Step
 
 
 class Log:
@@ -53,3 +56,16 @@ def test_the_time_left_is_that_at_the_speed_since_the_first_report(clock, report
             clock[0] = now
             step.progress("trials", share)
     assert log.lines[-2] == f"  trials ({expected})"
+
+
+def test_a_terminal_shows_that_something_starts_until_the_first_step(monkeypatch):
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    with Console() as shown:
+        assert "Starting" in screen.getvalue()
+        with shown.track("Survey"):
+            begun = len(screen.getvalue())
+        shown.track("Training")
+    assert "Starting" not in screen.getvalue()[begun:]
+    assert "Survey" in screen.getvalue()[begun:]
