@@ -86,8 +86,8 @@ class Step:
     MIN_FRACTION = 0.02
     """Share of the work since the first report from which the remaining time is estimated."""
     SKIPPED = 0.01, 0.5
-    """Share of the work in one report, and time since the one before [s], by which it was done before: a resumed run
-    does not do again what its folder has."""
+    """Share of the work in one report, and time since the one before [s], by which it was done before, if the first
+    ones are such: a resumed run does not do again what its folder has."""
 
     def __init__(self, title: str, bars: Progress, log: RichConsole | None):
         self.title, self._bars, self._log = title, bars, log
@@ -127,7 +127,7 @@ class Step:
         share, seconds = self.SKIPPED
         if last < 0.0 or fraction < last:
             begin, known = now, fraction
-        elif fraction - last > share and now - then < seconds:
+        elif fraction - last > share and now - then < seconds and last - known <= share:
             known += fraction - last
         self._begin, self._before = (begin, known), (now, fraction)
 

@@ -188,18 +188,19 @@ def train(
     _claim(folder, {"scan": _digest(site), "seed": seed, **options})
     with lock_folder(folder):
         ends = [place[:2] for place in (start, goal) if place is not None]
-        arenas = make_models(site, folder, seed, cover_part(progress, 0.02, 0.6), ends, max_pieces)
+        arenas = make_models(site, folder, seed, cover_part(progress, 0.02, 0.5), ends, max_pieces)
         verdict = arenas[0].verdict
         if verdict.answer == "no":
             raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
-        run = evolve_or_resume(config, cover_part(progress, 0.6, 0.85))
-        progress("judging the champion", 0.85)
+        searching = cover_part(progress, 0.5, 0.75)  # most searches end in the first of their generations
+        run = evolve_or_resume(config, lambda message, share: searching(message, 1.0 - (1.0 - share) ** 4))
+        progress("judging the champion", 0.75)
         second = "scan of it" if isinstance(site, sg.Arena) else "other half"
         known = {"training": arenas[0], second: arenas[1]} | ({} if truth is None else {"truth": truth})
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
         result = Training(folder, arenas[0], arenas[1], verdict, run, held, folder / PAGE)
-        progress("writing the page", 0.9)
+        progress("writing the page", 0.88)
         judged_in = list(known.values())[-1]
         write_train_page(result, judged_in, source, _format_options({**options, "seed": seed}))
         progress("done", 1.0)
