@@ -22,9 +22,8 @@ def check_not_negative(config: object, names: Iterable[str], error: type[Excepti
 def check_counts(config: object, names: Iterable[str], error: type[Exception]) -> None:
     """Refuse fields that are not whole numbers of at least 1."""
     for name in names:
-        value = getattr(config, name)
-        is_count = isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 1
-        _check(is_count, f"{type(config).__name__}.{name}", "a whole number of at least 1", value, error)
+        value, what = getattr(config, name), f"{type(config).__name__}.{name}"
+        _check_kind(what, value, Integral, (1, inf), "a whole number of at least 1", error)
 
 
 def coerce_integers(config: object, limits: Limits, error: type[Exception]) -> None:
