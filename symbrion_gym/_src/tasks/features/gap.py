@@ -189,13 +189,7 @@ def find_ramps(profile: Profile) -> list[Ramp]:
         with np.errstate(invalid="ignore"):
             runs = split_runs((sign * slope > low) & (sign * slope < high))
         ramps += [_fit_ramp(profile, int(run[0]), int(run[-1]), reach) for run in runs]
-    found = [ramp for ramp in ramps if ramp is not None and _is_ramp(ramp)]
-    return sorted(found, key=lambda ramp: ramp.foot)
-
-
-def _is_ramp(ramp: Ramp) -> bool:
-    is_long = ramp.crest - ramp.foot >= _MIN_LENGTH
-    return is_long and abs(ramp.rise) >= _MIN_RISE and _MIN_SLOPE <= abs(ramp.slope) <= _MAX_SLOPE
+    return sorted(filter(None, ramps), key=lambda ramp: ramp.foot)
 
 
 def _fit_ramp(profile: Profile, first: int, last: int, reach: int) -> Ramp | None:
@@ -216,4 +210,6 @@ def _fit_ramp(profile: Profile, first: int, last: int, reach: int) -> Ramp | Non
 
     foot = find_end(first, slice(first - 2 * reach, first - reach + 1))
     crest = find_end(last, slice(last + reach, last + 2 * reach + 1))
-    return Ramp(profile.way, foot, crest, float(offset + gain * foot), float(offset + gain * crest))
+    ramp = Ramp(profile.way, foot, crest, float(offset + gain * foot), float(offset + gain * crest))
+    is_large = crest - foot >= _MIN_LENGTH and abs(ramp.rise) >= _MIN_RISE
+    return ramp if is_large and _MIN_SLOPE <= abs(ramp.slope) <= _MAX_SLOPE else None
