@@ -8,7 +8,6 @@ from scipy.spatial import cKDTree
 
 from reconstruction._src.geometry.outlines import find_largest_rectangle
 from reconstruction._src.knowledge.slip.drags import FrictionReadings
-from reconstruction._src.scans.slip_readings import find_segments
 
 _NORMAL_95 = 1.96  # Half-width of a 95 % interval in standard deviations
 _LEAST_SIGMA = 1e-3  # Standard deviations below this are rounding
@@ -78,7 +77,10 @@ def _find_stretches(readings: FrictionReadings) -> Int[np.ndarray, " D"]:
         for before, part, after in zip([None, *parts], parts, [*parts[1:], None], strict=False):
             is_inside = np.ones(len(part), dtype=bool)
             for other, theirs, mine in ((before, -1, 0), (after, 0, -1)):
-                if other is None or _differ(readings, other, part) <= _SAME:
+                if other is None:
+                    continue
+                change = readings.frictions[other].mean() - readings.frictions[part].mean()
+                if abs(change) <= _SAME:
                     continue
                 middle = (readings.places[other[theirs]] + readings.places[part[mine]]) / 2
                 is_inside &= np.linalg.norm(readings.places[part] - middle, axis=1) > _BORDER
@@ -88,8 +90,33 @@ def _find_stretches(readings: FrictionReadings) -> Int[np.ndarray, " D"]:
     return stretches
 
 
-def _differ(readings: FrictionReadings, one: Int[np.ndarray, " P"], other: Int[np.ndarray, " Q"]) -> float:
-    return abs(float(readings.frictions[one].mean() - readings.frictions[other].mean()))
+def find_segments(values: Float[np.ndarray, " D"], sigma: float, penalty: float) -> Int[np.ndarray, " D"]:
+    """Return the number of the stretch that each value belongs to, from 0.
+
+    Minimizes the sum of ``((value - mean of its stretch) / sigma)^2 + penalty`` per stretch, exactly, by dynamic
+    programming.
+
+    References:
+        Jackson et al. (2005), An algorithm for optimal partitioning of data on an interval, IEEE Signal Proc. Letters
+        12(2).
+    """
+    count = len(values)
+    scaled = (values - values.mean() if count else values) / sigma
+    sums, squares = (np.concatenate([[0.0], np.cumsum(scaled**power)]) for power in (1, 2))
+    best, begin = np.zeros(count + 1), np.zeros(count + 1, dtype=np.int64)
+    for end in range(1, count + 1):
+        starts = np.arange(end)
+        rest = squares[end] - squares[:end] - (sums[end] - sums[:end]) ** 2 / (end - starts)
+        cost = best[:end] + rest + penalty
+        begin[end] = int(np.argmin(cost))
+        best[end] = cost[begin[end]]
+    cuts, end = [], count
+    while end > 0:
+        end = int(begin[end])
+        cuts.append(end)
+    numbers = np.zeros(count, dtype=np.int64)
+    numbers[[cut for cut in cuts if 0 < cut < count]] = 1
+    return np.cumsum(numbers)
 
 
 def _join(readings: FrictionReadings, stretches: Int[np.ndarray, " D"]) -> Int[np.ndarray, " D"]:

@@ -12,8 +12,7 @@ from reconstruction._src.knowledge.slip.drags import (
     join_slip,
     read_slip_arrays,
 )
-from reconstruction._src.knowledge.slip.patches import estimate_friction_patches
-from reconstruction._src.scans.slip_readings import find_segments
+from reconstruction._src.knowledge.slip.patches import estimate_friction_patches, find_segments
 from tests.reconstruction.knowledge.slip.made_slip import make_slip
 
 
