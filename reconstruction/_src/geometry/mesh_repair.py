@@ -83,7 +83,9 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
     _refuse_odd_sizes(vertices[faces.ravel()])
     vertices, faces = merge_vertices(vertices, faces)
     faces = drop_flat_faces(vertices, faces)
-    faces = _drop_small_parts(vertices, faces, config.min_part)
+    part, areas = compute_components(faces, len(vertices)), compute_areas(vertices, faces)
+    shares = np.bincount(part, areas) / areas.sum()
+    faces = faces[((shares >= config.min_part) | (shares == shares.max()))[part]]
     if config.drops_slivers:
         faces = drop_rim_slivers(vertices, faces)
     if len(faces) > config.max_faces:
@@ -167,12 +169,6 @@ def _refuse_odd_sizes(points: Float[np.ndarray, "N 3"]) -> None:
             f"the mesh lies {farthest:g} m from the origin, {LARGEST_COORDINATE:g} m is the most: "
             "subtract an offset from its vertices"
         )
-
-
-def _drop_small_parts(vertices: Vertices, faces: Faces, min_part: float) -> Int[np.ndarray, "G 3"]:
-    part, areas = compute_components(faces, len(vertices)), compute_areas(vertices, faces)
-    shares = np.bincount(part, areas) / areas.sum()
-    return faces[((shares >= min_part) | (shares == shares.max()))[part]]
 
 
 def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"]) -> Faces:

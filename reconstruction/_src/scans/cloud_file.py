@@ -37,13 +37,7 @@ from reconstruction._src.scans.frames import (
     to_meters,
 )
 from reconstruction._src.scans.ground import find_heights_above_ground
-from reconstruction._src.scans.mesh_files import (
-    CONVERTERS,
-    MESH_ENDINGS,
-    check_plain,
-    find_kind,
-    read_mesh_points,
-)
+from reconstruction._src.scans.mesh_files import CONVERTERS, MESH_ENDINGS, check_plain, find_kind, read_mesh
 from reconstruction._src.scans.pcd import read_pcd
 from reconstruction._src.scans.ply import read_ply, write_ply
 from reconstruction._src.scans.point_rows import check_num_points
@@ -410,7 +404,9 @@ _READERS: dict[str, Callable[[BoundedFile], RawPoints]] = {
 _PATH_READERS: dict[str, Callable[[Path, float], RawPoints]] = {
     ".e57": read_e57,
     **dict.fromkeys((".bag", ".mcap"), read_bag),
-    **dict.fromkeys((".stl", ".off", ".glb", ".gltf", ".dae"), read_mesh_points),
+    **dict.fromkeys(
+        (".stl", ".off", ".glb", ".gltf", ".dae"), lambda path, max_bytes: read_mesh(path, max_bytes)[1]
+    ),
 }
 POINT_ENDINGS = (
     *(kind for kind in _READERS if kind not in (".npz", ".ply", ".obj")),

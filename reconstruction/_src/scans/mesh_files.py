@@ -96,7 +96,7 @@ def load_mesh(
     """
     path = Path(path)
     with name_file(path):
-        mesh, raw = _read(path, max_bytes)
+        mesh, raw = read_mesh(path, max_bytes)
         vertices = to_meters(raw.points, raw, unit, up, scale)
     offset = find_offset(vertices)
     mesh.vertices = vertices - offset
@@ -128,12 +128,7 @@ def check_plain(path: Path, kind: str, max_bytes: float) -> None:
     check_size(path.stat().st_size, max_bytes)
 
 
-def read_mesh_points(path: Path, max_bytes: float) -> RawPoints:
-    """Return the vertices of a mesh as points, in the frame of the file."""
-    return _read(path, max_bytes)[1]
-
-
-def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
+def read_mesh(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
     """Return the mesh, and its vertices with what the file says about its frame."""
     import trimesh
 
