@@ -6,7 +6,8 @@ from reconstruction._src.base.lazy import export_lazily
 
 if TYPE_CHECKING:
     from symbrion_gym._src.tasks.catalog import TASKS, make_task
-    from symbrion_gym._src.tasks.features import find_gap, find_ramp, find_stairs, find_step
+    from symbrion_gym._src.tasks.features.gap import find_gap, find_ramp
+    from symbrion_gym._src.tasks.features.stairs import find_stairs, find_step
     from symbrion_gym._src.tasks.goals import PassFinish
     from symbrion_gym._src.tasks.reach import ReachPlaces
     from symbrion_gym._src.tasks.recorders import (

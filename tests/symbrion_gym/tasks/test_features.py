@@ -11,8 +11,8 @@ from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import snake
-from symbrion_gym._src.tasks.features import find_gap, find_ramp, find_stairs, find_step
-from symbrion_gym._src.tasks.features.gap import find_ramps
+from symbrion_gym._src.tasks.features.gap import find_gap, find_ramp, find_ramps
+from symbrion_gym._src.tasks.features.stairs import find_stairs, find_step
 from symbrion_gym._src.tasks.features.way import read_profile
 
 
