@@ -20,8 +20,6 @@ from evolution._src.experiments.paper import (
 )
 from evolution._src.report.body_page import describe_selection
 from evolution._src.report.figures import (
-    CHART_DPI,
-    CHART_WIDTH,
     INK_COLOR,
     PALETTE,
     draw_cloud,
@@ -30,7 +28,7 @@ from evolution._src.report.figures import (
     draw_section,
     draw_surface,
     draw_tracks,
-    style_axes,
+    make_chart,
     to_png,
     to_svg,
 )
@@ -170,8 +168,7 @@ def name_network(name: str) -> str:
 
 def draw_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw the time of a physics step in each arena and of its collision detection, with standard deviations."""
-    figure = Figure(figsize=(CHART_WIDTH, 0.34 * len(rows) + 0.9), dpi=CHART_DPI, layout="constrained")
-    axes, places = figure.add_subplot(), range(len(rows))
+    (figure, axes), places = make_chart(0.34 * len(rows) + 0.9), range(len(rows))
     for cost, label, height, color in (
         ("physics_us", "whole step", 0.8, "#c9d6e4"),
         ("collision_us", "collision detection within it", 0.45, PALETTE[0]),
@@ -184,14 +181,12 @@ def draw_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.invert_yaxis()
     axes.set(xlabel="time of a physics step [µs]", xlim=(0, None))
     axes.legend(frameon=False)
-    style_axes(axes)
     return figure
 
 
 def draw_scan_growth(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw the time of a laser scan over the number of triangles, for each method and for the paper."""
-    figure = Figure(figsize=(CHART_WIDTH, 3.4), dpi=CHART_DPI, layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = make_chart(3.4)
     for method, (label, style, color) in METHODS.items():
         shown = sorted(
             (row["triangles"], row["scan_us"]["median"]) for row in rows if row["method"] == method
@@ -202,5 +197,4 @@ def draw_scan_growth(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.plot(*zip(*paper, strict=True), "D--", color="#5b6675", label="the paper (2011)", ms=5)
     axes.set(xscale="log", yscale="log", xlabel="triangles", ylabel="time of one scan of 361 beams [µs]")
     axes.legend(frameon=False)
-    style_axes(axes)
     return figure

@@ -146,8 +146,7 @@ def draw_section(
     marked: Float[np.ndarray, "M 3"] | None = None,
 ) -> Figure:
     """Draw a vertical section along the course: every surface as a line, the points near it as dots."""
-    figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = make_chart(2.7)
     for cloud, size, color, label in (
         (points, 4, "#6b7683", "points"),
         (marked, 7, MARK_COLOR, "mixed pixels"),
@@ -169,7 +168,6 @@ def draw_section(
         heights = np.concatenate(ground)
         axes.set_ylim(heights.min() - 0.1, heights.max() + 0.15)
     axes.legend(frameon=False, fontsize=9, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    style_axes(axes)
     return figure
 
 
@@ -177,13 +175,11 @@ def draw_learning_curve(
     evaluations: Real[np.ndarray, " G"], best: Real[np.ndarray, " G"], median: Real[np.ndarray, " G"]
 ) -> Figure:
     """Draw fitness over the number of evaluated genotypes."""
-    figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = make_chart(2.7)
     axes.plot(evaluations, best, color=PALETTE[0], marker="o", ms=3, label="best of the generation")
     axes.plot(evaluations, median, color=PALETTE[1], marker="o", ms=3, label="median")
     axes.set(xlabel="genotypes evaluated", ylabel="fitness")
     axes.legend(frameon=False)
-    style_axes(axes)
     return figure
 
 
@@ -199,8 +195,7 @@ def draw_tracks(
         np.stack([(places[..., :2] - start[:2]) @ ahead, places[..., 2]], axis=-1)
         for places in (np.asarray(cut).reshape(-1, 2, 3), positions)
     )
-    figure = Figure(figsize=(CHART_WIDTH, 2.2), dpi=CHART_DPI, layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = make_chart(2.2)
     axes.add_collection(LineCollection(list(ground), colors=INK_COLOR, linewidths=1.6))
     colors = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, snapshots))
     chosen = bodies[np.linspace(0, len(bodies) - 1, snapshots).astype(int)]
@@ -209,7 +204,6 @@ def draw_tracks(
     (left, low), (right, high) = bodies.min(axis=(0, 1)), bodies.max(axis=(0, 1))
     axes.set(xlim=(left - 0.2, right + 0.2), ylim=(low - 0.2, high + 0.3), aspect="equal")
     axes.set(xlabel="along the way [m]", ylabel="z [m]")
-    style_axes(axes)
     return figure
 
 
@@ -224,10 +218,13 @@ def _make_3d_axes(figure: Figure, points: Float[np.ndarray, "N 3"]) -> Axes:
     return axes
 
 
-def style_axes(axes: Axes) -> None:
-    """Remove two sides of the frame, and add a light grid."""
+def make_chart(height: float) -> tuple[Figure, Axes]:
+    """Return a chart of a height [inch] with a light grid and two sides of a frame."""
+    figure = Figure(figsize=(CHART_WIDTH, height), dpi=CHART_DPI, layout="constrained")
+    axes = figure.add_subplot()
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)
+    return figure, axes
 
 
 COLUMNS = 6  # Bodies side by side
