@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Bool
 
 from evolution._src.controllers.protocol import check_genotypes
 from evolution._src.errors import RunError
 from evolution._src.search.validation import Champion
-from symbrion_gym._src.robot.scout_constants import SIDES
 from symbrion_gym._src.swarm.world import SwarmCommands
 
 if TYPE_CHECKING:
@@ -52,7 +50,8 @@ class DockedChampion:
         """Return commands in which the robots of the organism do what the champion does now; others keep theirs."""
         from symbrion_gym._src.swarm.dynamic.world import is_organism, read_organism
 
-        hinge, tracks, latch = commands.hinge.copy(), commands.tracks.copy(), self._hold(commands.latch)
+        hinge, tracks, latch = commands.hinge.copy(), commands.tracks.copy(), commands.latch.copy()
+        latch[self._modules] = self._world.state.docked[self._modules]  # its free docks close
         if not is_organism(self._world, self._modules):
             hinge[self._modules], tracks[self._modules] = 0.0, 0.0
             return SwarmCommands(tracks, hinge, latch)
@@ -71,16 +70,6 @@ class DockedChampion:
         tracks[self._modules] = scout.track_speed
         self.track_odometry += self.dt * scout.track_speed * float(np.cos(parts["pitch"][0]))
         return SwarmCommands(tracks, hinge, latch)
-
-    def _hold(self, latch: Bool[np.ndarray, "N 4"]) -> Bool[np.ndarray, "N 4"]:
-        """Return what docks are told, with those of the organism held and its free ones closed."""
-        held = latch.copy()
-        held[self._modules] = False
-        for link in self._world.state.links:
-            for robot, side in link.ends:
-                if robot in self._modules:
-                    held[robot, SIDES.index(side)] = True
-        return held
 
     def step(self, commands: SwarmCommands) -> None:
         """Advance the world by one action of the champion; robots of other groups do what `commands` say."""
