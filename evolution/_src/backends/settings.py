@@ -386,9 +386,9 @@ class TrialConfig(EpisodeConfig):
         self._set("descriptors", check_descriptors(self.descriptors))
 
 
-def take_fields(source: Any, kind: type) -> dict[str, Any]:
-    """Return name and value of the fields of a base of a configuration."""
-    return {each.name: getattr(source, each.name) for each in fields(kind)}
+def take_fields(source: Any, *kinds: type) -> dict[str, Any]:
+    """Return name and value of the fields of bases of a configuration."""
+    return {each.name: getattr(source, each.name) for kind in kinds for each in fields(kind)}
 
 
 def read_organism(organism: Organism | int | str | PathLike[str]) -> Organism:

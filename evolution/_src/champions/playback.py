@@ -148,7 +148,12 @@ def play(
             if window:  # wait for the time of the film
                 time.sleep(max(0.0, float(info["time"]) / speed - (time.perf_counter() - began)))
             if film and len(positions) % ticks_per_frame == 0:
-                film = _add_frame(environment, frames)
+                try:
+                    frames.append(np.asarray(environment.render()))
+                except Exception as error:  # whatever a graphics driver raises
+                    reason = type(error).__name__, error
+                    logger.warning("no video: OpenGL cannot be used here (%s: %s)", *reason)
+                    film = False
             actions, state = controller.act(
                 observation[None], genotype, environment.observation_structure, state
             )
@@ -177,23 +182,12 @@ def make_champion_trials(
 ) -> Trials:
     """Return trials of a champion: its body, its controller and its task, all found again in the arena."""
     champion = champion.restore(allow)
-    settings = take_fields(champion, EpisodeConfig) | take_fields(champion, BodyConfig) | {"arena": arena}
+    settings = take_fields(champion, EpisodeConfig, BodyConfig) | {"arena": arena}
     if start is None and isinstance(champion.find_start(), str):
         start = "floor"
     if start is not None:
         settings["start"] = start
     return Trials(**settings, **others)
-
-
-def _add_frame(environment: OrganismEnv, frames: list[UInt8[np.ndarray, "H W 3"]]) -> bool:
-    """Render a frame; return whether it was possible."""
-    try:
-        frame = environment.render()
-    except Exception as error:  # whatever a graphics driver raises
-        logger.warning("no video: OpenGL cannot be used here (%s: %s)", type(error).__name__, error)
-        return False
-    frames.append(np.asarray(frame))
-    return True
 
 
 class ChampionPolicy:

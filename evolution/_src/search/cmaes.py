@@ -159,8 +159,7 @@ def make_run(config: EvolutionConfig, record: Record, names: Sequence[str], fold
     champion = Champion(
         genotype=tuple(entry.genotype.tolist()),
         names=tuple(names),
-        **take_fields(config, EpisodeConfig),
-        **take_fields(config, BodyConfig),
+        **take_fields(config, EpisodeConfig, BodyConfig),
         generation=entry.generation,
         fitness=entry.fitness,
         successes=entry.outcome.successes if is_validated else 0,
@@ -210,7 +209,7 @@ class ControllerSearch:
 
     def _make_trials(self, count: int, kind: int, *seed: int) -> Trials:
         config, start = self._config, self._config.find_start()
-        settings = take_fields(config, TrialConfig) | take_fields(config, BodyConfig)
+        settings = take_fields(config, TrialConfig, BodyConfig)
         if kind == VALIDATION and isinstance(start, str) and start != config.validation.start:
             settings["start"] = config.validation.start  # unless the run has a place of its own
         return Trials(**settings, count=count, seed=(config.seed, kind, *seed))

@@ -231,7 +231,7 @@ def _prepare(config: EvolutionConfig | BodyEvolutionConfig, progress: Progress) 
     if isinstance(config, BodyEvolutionConfig):
         warm_up(config.make_trials(make_row(config.bodies.smallest), 1, ()), 1, 1)
         return
-    settings = take_fields(config, TrialConfig) | take_fields(config, BodyConfig)
+    settings = take_fields(config, TrialConfig, BodyConfig)
     is_here, engine = config.backend in LOCAL_BACKENDS, "warp" if config.backend == "warp" else "mujoco"
     jobs, workers = (config.population_size, config.workers) if is_here else (1, 1)
     warm_up(Trials(**settings, count=config.trials), jobs, workers, engine)
