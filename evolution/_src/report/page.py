@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from evolution._src.report.figures import compute_width, to_png
-from evolution._src.report.scene import Scene, get_plotly_script
+from evolution._src.report.scene import Scene
 from reconstruction._src.base.atomic_write import write_file
 
 
@@ -120,7 +120,11 @@ class Page:
 
 def write_page(path: Path, template: jinja2.Template, context: Mapping[str, Any], has_scene: bool) -> None:
     """Write a page from a template as one file, atomically."""
-    program = get_plotly_script() if has_scene else ""
+    program = ""
+    if has_scene:
+        import plotly.offline
+
+        program = Markup(plotly.offline.get_plotlyjs())
     html = template.render(program=program, **context)
     write_file(path, html.encode(errors="backslashreplace"))
 

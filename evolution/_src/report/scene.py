@@ -136,13 +136,6 @@ class Scene:
         self.layers.append(Layer(name, traces, is_shown))
 
 
-def get_plotly_script() -> Markup:
-    """Return the JavaScript of Plotly, to be put into a page."""
-    import plotly.offline
-
-    return Markup(plotly.offline.get_plotlyjs())
-
-
 def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
     """Return a mesh in the colors of its vertices, lit so that its shape is seen, or shaded as in the figures."""
     (i, j, k), own = np.asarray(mesh.faces, dtype=np.int32).T, find_vertex_colors(mesh)
