@@ -18,7 +18,6 @@ from evolution._src.experiments.paper import (
     load_arena,
     load_network,
 )
-from evolution._src.report.body_page import describe_selection
 from evolution._src.report.figures import (
     INK_COLOR,
     PALETTE,
@@ -118,7 +117,7 @@ def write_paper_page(folder: Path, is_quick: bool, seed: int, results: Mapping[s
         "video": lambda name: inline_video((films / f"{name}.mp4").read_bytes()),
         "methods": METHODS,
         "paper_scans": PAPER_SCANS,
-        "selection": describe_selection(champion["successes"], champion["trials"]),
+        "selection": _describe_selection(champion["successes"], champion["trials"]),
     }
     write_page(folder / "report.html", templates.get_template("paper.html.j2"), context, has_scene=True)
 
@@ -164,6 +163,15 @@ def name_network(name: str) -> str:
     """Return the name of a network in a table: "gsrm_2200" -> "GSRM 2,200 units"."""
     method, _, size = name.partition("_")
     return MODELS[method] + (f" {int(size):,} {'units' if method == 'gsrm' else 'triangles'}" if size else "")
+
+
+def _describe_selection(successes: int, trials: int) -> str:
+    """Return a sentence on how a champion was selected, from its fresh trials in the arena of its run."""
+    if not trials:
+        return "No genotype crossed in all of its trials; the champion is the fittest one."
+    return (
+        f"The champion was selected by fresh randomized trials there; it crossed in {successes} of {trials}."
+    )
 
 
 def draw_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:

@@ -37,15 +37,6 @@ def describe_machine() -> str:
     return f"{name}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
 
 
-def describe_selection(successes: int, trials: int) -> str:
-    """Return a sentence on how a champion was selected, from its fresh trials in the arena of its run."""
-    if not trials:
-        return "No genotype crossed in all of its trials; the champion is the fittest one."
-    return (
-        f"The champion was selected by fresh randomized trials there; it crossed in {successes} of {trials}."
-    )
-
-
 FILM_SPEED = 5.0  # Playback speed of films, relative to real time
 MOST_CARDS = 24  # Bodies on a page
 
