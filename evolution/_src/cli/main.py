@@ -50,11 +50,6 @@ def flatten_report(report: str, arguments: Sequence[str]) -> str:
     return _shorten_hints(text, _find_command(arguments))
 
 
-def point_to_help(text: str, arguments: Sequence[str]) -> str:
-    """Return a line about a wrong command line that ends with the help of its command."""
-    return f"{text.rstrip('.;: ')}; see {' '.join(('symbrion', _find_command(arguments))).strip()} --help"
-
-
 def _find_command(arguments: Sequence[str]) -> str:
     return next((word for word in arguments if word in COMMANDS), "")
 
@@ -121,7 +116,8 @@ def run(arguments: Sequence[str]) -> int:
     try:
         command = _parse(arguments)
     except UsageError as error:
-        return _fail(point_to_help(str(error), arguments), 2)
+        where = f"symbrion {_find_command(arguments)}".strip()
+        return _fail(f"{str(error).rstrip('.;: ')}; see {where} --help", 2)
     except SystemExit:  # --help
         return 0
     console = Console(quiet=command.quiet or command.json, mute=command.json)

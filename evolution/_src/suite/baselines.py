@@ -104,9 +104,8 @@ METHODS: Mapping[str, tuple[str, Callable[[Practice, np.random.Generator], None]
 """Law and search of the baselines by name: each spends the budget of a practice, which chooses the best genotype."""
 
 
-def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget: float = BUDGET) -> Entry:
+def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget: float) -> Entry:
     """Return what a baseline finds for a task."""
-    check_choice("method", name, tuple(METHODS), RunError)
     law, search = METHODS[name]
     practice = Practice(task, law, backend, budget)
     search(practice, np.random.default_rng((seed, *task.name.encode(), *name.encode())))
