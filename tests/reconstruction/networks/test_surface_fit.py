@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import cKDTree
+from shapes import make_floor
 
 from reconstruction._src.networks.surface_fit import fit_surface, make_ring
 from reconstruction._src.surfaces.quality import compute_distances
@@ -11,13 +12,9 @@ from reconstruction._src.surfaces.quality import compute_distances
 
 def make_roof(half: int = 8) -> tuple[np.ndarray, np.ndarray]:
     """Return a sheet of vertices over a ridge along y that it cuts short: (vertices, faces)."""
-    n = 2 * half
-    x, y = np.meshgrid(np.linspace(-0.9, 0.9, n), np.linspace(-0.9, 0.9, n), indexing="ij")
-    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    faces = np.concatenate(
-        [np.stack([corner, corner + n, corner + n + 1], 1), np.stack([corner, corner + n + 1, corner + 1], 1)]
-    )
-    return np.stack([x.ravel(), y.ravel(), -np.abs(x.ravel()) - 0.03], axis=1), faces
+    flat, faces = make_floor(2 * half, size=1.8)
+    x, y = flat[:, 0] - 0.9, flat[:, 1] - 0.9
+    return np.stack([x, y, -np.abs(x) - 0.03], axis=1), faces
 
 
 def make_samples(num_samples: int = 8000, noise: float = 0.003, seed: int = 0) -> np.ndarray:

@@ -12,12 +12,10 @@ from reconstruction._src.surfaces.quality import measure_quality
 
 def make_floor(num: int, size: float = 4.0) -> trimesh.Trimesh:
     """Return a flat square of two triangles a cell, on z = 0."""
-    side = np.linspace(-size / 2, size / 2, num)
-    vertices = np.stack([*np.meshgrid(side, side), np.zeros((num, num))], axis=-1).reshape(-1, 3)
     corner = (np.arange(num - 1)[:, None] * num + np.arange(num - 1)).ravel()
     first = np.stack([corner, corner + 1, corner + num], axis=1)
     second = np.stack([corner + 1, corner + num + 1, corner + num], axis=1)
-    return trimesh.Trimesh(vertices, np.concatenate([first, second]), process=False)
+    return trimesh.Trimesh(read_floor(num, size), np.concatenate([first, second]), process=False)
 
 
 def add_bridge(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

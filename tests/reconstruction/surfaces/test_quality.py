@@ -3,18 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
+from shapes import make_floor
 
 from reconstruction._src.surfaces.quality import compute_distances, count_topology, measure_quality
 
 
-def make_sheet(nx: int, ny: int) -> trimesh.Trimesh:
-    """Return a flat sheet of nx x ny vertices, one unit apart."""
-    x, y = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
-    corner = (np.arange(nx - 1)[:, None] * ny + np.arange(ny - 1)).ravel()
-    lower = np.stack([corner, corner + ny, corner + ny + 1], axis=1)
-    upper = np.stack([corner, corner + ny + 1, corner + 1], axis=1)
-    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(nx * ny)], axis=1).astype(float)
-    return trimesh.Trimesh(vertices, np.concatenate([lower, upper]), process=False)
+def make_sheet(side: int) -> trimesh.Trimesh:
+    """Return a flat sheet of so many vertices along a side, one unit apart."""
+    return trimesh.Trimesh(*make_floor(side, side - 1.0), process=False)
 
 
 @pytest.mark.parametrize(
@@ -22,7 +18,7 @@ def make_sheet(nx: int, ny: int) -> trimesh.Trimesh:
     [
         (trimesh.creation.icosphere(subdivisions=2), 2, 0),
         (trimesh.creation.torus(2.0, 0.5, 12, 8), 0, 0),
-        (make_sheet(4, 5), 1, 1),
+        (make_sheet(5), 1, 1),
         (trimesh.creation.annulus(1, 2, 1), 0, 0),
     ],
 )
@@ -35,7 +31,7 @@ def test_known_shapes_have_their_topology(mesh, euler_number, loops):
 
 
 def test_a_hole_and_an_unused_vertex_are_seen():
-    sheet = make_sheet(6, 6)
+    sheet = make_sheet(6)
     inside = [i for i, face in enumerate(sheet.faces) if 14 in face]
     faces = np.delete(sheet.faces, inside, axis=0)
     topology = count_topology(faces, 36)
@@ -63,13 +59,13 @@ def test_no_faces_is_a_result_too():
 
 
 def test_distances_go_to_the_faces_not_to_the_vertices():
-    sheet = make_sheet(2, 2)
+    sheet = make_sheet(2)
     found = compute_distances(np.array([[0.5, 0.4, 0.3], [2.0, 0.5, 0.0]]), sheet.vertices, sheet.faces)
     np.testing.assert_allclose(found, [0.3, 1.0])
 
 
 def test_a_lifted_sheet_is_as_far_as_it_was_lifted():
-    sheet = make_sheet(5, 5)
+    sheet = make_sheet(5)
     lifted = sheet.copy()
     lifted.apply_translation([0, 0, 0.25])
     quality = measure_quality(sheet, points=lifted.vertices, truth=lifted)
@@ -86,7 +82,7 @@ def test_a_lifted_sheet_is_as_far_as_it_was_lifted():
 
 
 def test_a_face_turned_over_is_folded():
-    sheet = make_sheet(6, 6)
+    sheet = make_sheet(6)
     sheet.vertices[14] += [1.5, 1.5, 0]
     quality = measure_quality(sheet)
     assert quality.self_intersections > 0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from shapes import make_floor
 
 from reconstruction._src.surfaces import unfolding
 from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
@@ -11,11 +12,7 @@ from reconstruction._src.surfaces.unfolding import find_folded, unfold_faces, un
 
 def make_lattice(size: int = 7) -> tuple[np.ndarray, np.ndarray]:
     """Return a flat square lattice, `[size², 3]` and its faces."""
-    x, y = np.meshgrid(np.arange(size, dtype=float), np.arange(size, dtype=float), indexing="ij")
-    index = np.arange(size * size).reshape(size, size)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
-    return np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3), faces
+    return make_floor(size, size - 1.0)
 
 
 def test_a_flat_lattice_has_no_folds_and_stays():

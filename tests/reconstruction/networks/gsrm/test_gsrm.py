@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from constants import with_constants
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import make_sheet, make_trench, sample_mesh
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, State, train
+from reconstruction._src.networks.gsrm import gsrm
+from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, State, find_uncovered, train
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.surfaces.quality import Topology, compute_distances, count_topology
 
@@ -161,3 +163,58 @@ def test_bunny(shared_data: Path) -> None:
     assert topology.components == 1
     assert topology.euler_number == 2 - topology.boundary_loops
     assert compute_distances(np.asarray(bunny.vertices), state.units, state.faces).mean() < 0.0003
+
+
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def make_scan(seed: int = 0) -> np.ndarray:
+    """Return a wall with 12,000 samples, dense in its middle, a small board far from it with 40, and ten strays."""
+    rng = np.random.default_rng(seed)
+    near = np.c_[rng.normal(2, 0.003, 12_000), rng.uniform(-1, 1, (12_000, 2)) ** 3]
+    far = np.c_[rng.normal(9, 0.002, 40), rng.uniform(-0.03, 0.03, (40, 2))]
+    strays = np.c_[rng.uniform(4, 7, 10), rng.uniform(-3, 3, (10, 2))]
+    return np.concatenate([near, far, strays])
+
+
+def test_only_groups_far_from_every_face_are_uncovered():
+    rng = np.random.default_rng(0)
+    on = np.c_[rng.uniform(0, 1, (2000, 2)), rng.normal(0, 0.01, 2000)]
+    group = np.c_[rng.uniform(0, 1, (40, 2)), np.full(40, 3.0)]
+    strays = np.concatenate([[[0.0, 0, -9], [5, 0, -9], [0, 8, 9]], rng.uniform(11, 12, (60, 3))])
+    found = find_uncovered(np.concatenate([on, group, strays]), *SQUARE)
+    assert found[2000:2040].all()
+    assert found.sum() == 40
+    few = np.concatenate([on, group[: gsrm._MIN_SAMPLES - 1]])
+    assert not find_uncovered(few, *SQUARE).any()
+
+
+@pytest.mark.slow
+def test_what_was_dropped_as_debris_is_covered_and_the_rest_stays_as_it_is():
+    samples = make_scan()
+    config = GSRMConfig(units=400)
+    with with_constants(gsrm, passes=0):
+        without = train(samples, config)
+    state = train(samples, config)
+    before, after = (
+        compute_distances(samples[12_000:12_040], each.units, each.faces) for each in (without, state)
+    )
+    assert np.median(after) < 0.02
+    assert np.median(before) > 3.0
+    num_faces, num_units = len(without.faces), len(without.units)
+    np.testing.assert_array_equal(state.faces[:num_faces], without.faces)
+    np.testing.assert_array_equal(state.units[:num_units], without.units)
+    assert len(state.units) <= 1.25 * 400
+    assert count_topology(state.faces, len(state.units)).is_manifold
+    again = train(samples, config)
+    np.testing.assert_array_equal(again.units, state.units)
+
+
+@pytest.mark.slow
+def test_an_even_cloud_is_not_completed():
+    rng = np.random.default_rng(0)
+    samples = np.c_[rng.uniform(0, 2, (5000, 2)), np.zeros(5000)]
+    whole = train(samples, GSRMConfig(units=200))
+    with with_constants(gsrm, passes=0):
+        without = train(samples, GSRMConfig(units=200))
+    np.testing.assert_array_equal(whole.units, without.units)
