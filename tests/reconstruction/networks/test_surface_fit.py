@@ -58,12 +58,6 @@ def test_the_unit_of_length_does_not_matter():
     np.testing.assert_allclose(large, 1000 * small + 5000, atol=0.5)
 
 
-def test_equal_arguments_give_equal_bytes():
-    vertices, faces = make_roof()
-    samples = make_samples()
-    assert fit(vertices, faces, samples).tobytes() == fit(vertices, faces, samples).tobytes()
-
-
 def test_vertices_without_samples_or_faces_stay():
     vertices, faces = make_roof()
     lonely = np.concatenate([vertices, [[5.0, 5.0, 5.0]]])

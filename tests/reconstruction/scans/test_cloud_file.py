@@ -209,10 +209,10 @@ def test_what_is_no_viewpoint_is_refused(tmp_path: Path, viewpoints: object) -> 
 
 
 def test_rows_that_are_not_finite_take_their_colors_with_them(tmp_path: Path, caplog) -> None:
-    text = join_rows(POINTS, COLORS) + "nan 0 0 4 5 6\n" + "7 7 7 7 7 8\n"
+    text = join_rows(POINTS, COLORS) + "nan 0 0 4 5 6\n1 inf 2 4 5 6\n" + "7 7 7 7 7 8\n"
     cloud = load_cloud(write(tmp_path, "a.xyz.gz", gzip.compress(text.encode())))
     np.testing.assert_array_equal(cloud.colors, [*COLORS, [7, 7, 8]])
-    assert "dropped 1 rows" in caplog.text
+    assert "dropped 2 rows" in caplog.text
 
 
 def test_beams_without_return_are_no_points(tmp_path: Path) -> None:
@@ -342,7 +342,7 @@ def test_odd_sizes_are_described_and_others_are_not() -> None:
     )
 
 
-def test_rows_of_floats_are_read_by_what_fits_and_other_bytes_refused(tmp_path: Path) -> None:
+def test_rows_of_floats_are_read_by_what_fits_and_other_bytes_refused(tmp_path: Path, caplog) -> None:
     rng = np.random.default_rng(0)
     rows = rng.uniform(-50, 50, (60, 4)).astype("<f4")
     rows[:, 3] = rng.uniform(0, 1, 60)
@@ -364,6 +364,7 @@ def test_rows_of_floats_are_read_by_what_fits_and_other_bytes_refused(tmp_path: 
     (tmp_path / "0.bin").write_bytes(rows.tobytes())
     cloud = load_cloud(tmp_path / "0.bin")
     np.testing.assert_array_equal(cloud.points, rows[3:, :3])
+    assert "dropped 3 beams without return" in caplog.text
     for content in (rows.tobytes() + b"x", (rows * 1e5).tobytes(), np.full(8, np.nan, "<f4").tobytes()):
         (tmp_path / "0.bin").write_bytes(content)
         with pytest.raises(ScanError, match="CloudCompare"):

@@ -161,17 +161,6 @@ def test_a_closed_block_is_driven_on_from_above() -> None:
     assert sg.make_arena(trimesh.creation.box((3.0, 3.0, 1.0)), cache=False).verdict.answer == "yes"
 
 
-def test_beams_without_return_are_dropped_and_counted(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    points = np.random.default_rng(0).uniform(1.0, 2.0, (50, 3))
-    np.savez(tmp_path / "scan.npz", points=np.vstack([np.zeros((7, 3)), points]))
-    with caplog.at_level("WARNING"):
-        cloud = rc.load_cloud(tmp_path / "scan.npz")
-    assert "dropped 7 beams without return" in caplog.text
-    assert cloud.points == pytest.approx(points)
-
-
 def test_a_way_keeps_off_rims() -> None:
     way = propose_way(make_floor(), sg.snake(1))
     assert way is not None

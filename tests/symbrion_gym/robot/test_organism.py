@@ -100,19 +100,6 @@ def test_four_values_are_a_docking():
     assert Organism(2, [(1, "front", 0, "back")]) == snake(2)
 
 
-def test_overlapping_modules_are_refused():
-    ring = tuple(Docking(i, "left", i + 1, "front") for i in range(4))
-    with pytest.raises(OrganismError, match="overlap"):
-        Organism(5, ring)
-
-
-def test_short_crosses_and_spines_are_refused():
-    with pytest.raises(OrganismError, match="cross"):
-        cross(0)
-    with pytest.raises(OrganismError, match="spine"):
-        letter_h(1)
-
-
 TWO = ScoutConfig(dofs=2)
 
 

@@ -40,13 +40,6 @@ def test_the_audit_agrees_with_an_honest_success_and_misses_the_end_of_half_of_i
     assert any(TOO_SOON.get(task, "before the edge") in text for text in faults), faults
 
 
-def test_it_places_modules_as_the_physics_does(crossing):
-    env, trajectory = crossing
-    centers, rotations = place_tree(trajectory.qpos[-2:], env.world.scene.organism)
-    np.testing.assert_allclose(centers[0], env.physics.position[0], atol=2e-3)
-    np.testing.assert_allclose(rotations[0].reshape(-1, 9), env.physics.rotation[0], atol=2e-2)
-
-
 @pytest.mark.parametrize(
     ("change", "fault"),
     [

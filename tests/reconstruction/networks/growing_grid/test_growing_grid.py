@@ -55,14 +55,6 @@ def test_it_finds_the_surface_up_to_its_rim(step, grown):
 
 
 @pytest.mark.slow
-def test_equal_seeds_give_equal_bytes(step):
-    points = draw(step, 6000)
-    first, again, other = (train(points, GrowingGridConfig(units=300), seed=s) for s in (3, 3, 4))
-    assert first.units.tobytes() == again.units.tobytes()
-    assert first.units.tobytes() != other.units.tobytes()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-3, 1e2])
 def test_the_unit_of_length_does_not_matter(step, scale):
     points = draw(step, 6000)
