@@ -136,17 +136,6 @@ def test_command_works_from_another_folder(site: Path, tmp_path: Path) -> None:
     assert "survey" in run_python(site, tmp_path, "-m", "evolution", "--help")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert project["scripts"] == {"symbrion": "evolution.__main__:main"}
-    words = [
-        "--generations",
-        "2",
-        "--population-size",
-        "4",
-        "--modules",
-        "3",
-        "--trials",
-        "1",
-        "--folder",
-        "run",
-    ]
-    run_python(site, tmp_path, "-m", "evolution._src.cli.main", "evolve", *words)
+    words = ["--generations", "2", "--population-size", "4", "--modules", "3", "--trials", "1"]
+    run_python(site, tmp_path, "-m", "evolution._src.cli.main", "evolve", *words, "--folder", "run")
     assert (tmp_path / "run" / "history.csv").exists()

@@ -190,15 +190,8 @@ def test_a_submission_runs_nothing_unless_allowed_and_is_then_not_ranked(tmp_pat
     exam = hold_exam([load_submission(tmp_path / "attack.json")], 0)
     assert not exam.results
     assert "allow=('intruder',)" in exam.untried[0][1]
-    words = [
-        "bench-suite",
-        "board",
-        str(tmp_path / "attack.json"),
-        "--out",
-        str(tmp_path / "a.html"),
-        "--quiet",
-    ]
-    assert run_command(words) == 1
+    board = f"{tmp_path}/attack.json --out {tmp_path}/a.html --quiet".split()
+    assert run_command(["bench-suite", "board", *board]) == 1
     assert not mark.exists()
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from test_cli import refuse
 
 from evolution._src.cli.commands.reconstruct import Reconstruct
 from evolution._src.cli.main import _parse, run
@@ -18,14 +19,6 @@ SHEET = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.01], (2000, 3))
 def write(path, points: np.ndarray):
     np.savez(path, points=points)
     return path
-
-
-def refuse(words, code, capsys):
-    """Run a command line that must fail with one line on standard error; return that line."""
-    assert run(words) == code
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("symbrion: ")]
-    assert len(lines) == 1
-    return lines[0]
 
 
 @pytest.mark.slow
@@ -113,15 +106,7 @@ def test_axes_with_a_sign_are_read_from_the_command_line(tmp_path):
 def test_a_mesh_is_sent_to_the_arena(tmp_path, capsys):
     for name in ("box.obj", "box.stl", "box.ply", "box.glb"):
         trimesh.creation.box((1, 1, 1)).subdivide_loop(3).export(tmp_path / name)
-        words = [
-            "reconstruct",
-            str(tmp_path / name),
-            "--out",
-            str(tmp_path / "out.npz"),
-            "--units",
-            "60",
-            "--quiet",
-        ]
+        words = ["reconstruct", f"{tmp_path / name}", *f"--out {tmp_path}/out.npz --units 60 --quiet".split()]
         line = refuse(words, 2, capsys)
         assert f"symbrion arena {tmp_path / name} --out arenas/box" in line
         assert "--vertices" in line

@@ -17,16 +17,7 @@ def scan(tmp_path):
 
 @pytest.mark.slow
 def test_a_scan_becomes_a_folder_of_tiles(scan, capsys):
-    words = [
-        "reconstruct",
-        str(scan),
-        "--tile",
-        "4",
-        "--units-per-area",
-        "3",
-        "--out",
-        str(scan.parent / "tiles"),
-    ]
+    words = f"reconstruct {scan} --tile 4 --units-per-area 3 --out {scan.parent}/tiles".split()
     assert run([*words, "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["number"] == 4
