@@ -44,6 +44,8 @@ _MIN_ANGLE_DEG = 120.0  # ... and its corner off the rim has an angle above this
 _MIN_BEND_DEG = 10.0
 """... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat ground is part of it."""
 _TOLD = 0.9  # Share of the area of a part that is wound alike, less the rest: its winding tells its outside
+_UPRIGHT = 0.2
+"""A part is a wall where the upward part of its mean normal, of length 1, is less: it is 78 degrees steep."""
 _ROUNDS = 20  # Slivers behind slivers are removed, too, in no more rounds than these
 
 
@@ -172,7 +174,7 @@ def _refuse_odd_sizes(points: Float[np.ndarray, "N 3"]) -> None:
 
 
 def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"]) -> Faces:
-    """Return the faces, open parts turned up, and closed ones and rooms as their file winds them.
+    """Return the faces, open parts turned up, and closed ones, rooms and upright walls as their file winds them.
 
     Who scans a room winds it inwards: where nearly all of such a part was wound alike, that tells, of all parts of a
     surface whose floors look up and whose ceilings down. Else as by `orient_outwards`.
@@ -186,6 +188,7 @@ def _turn_parts(vertices: Vertices, faces: Faces, is_kept: Bool[np.ndarray, " F"
     rim = sides.slots[sides.starts[sides.counts == 1]] // 3
     is_open = np.bincount(part[rim], minlength=len(size)) > 0
     is_sheet = is_open & (compute_lengths(total) > OPEN_SHARE * size)
+    is_sheet &= np.abs(total[:, 2]) > _UPRIGHT * compute_lengths(total)  # of a wall, up tells nothing
     is_inside = is_room(np.where(is_kept, normals[:, 2], -normals[:, 2]), areas, middles[:, 2])
     is_told = (np.abs(kept) > _TOLD * size) & ~(is_sheet & ~is_inside)
     as_told = np.where((kept < 0)[part, None], faces[:, ::-1], faces)
