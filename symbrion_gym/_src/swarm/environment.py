@@ -202,7 +202,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         """Return the poses that are given, or those of robots that are scattered."""
         count = self.world.num_robots
         if given is None:
-            return scatter(self.field, count, self.arena, rng)
+            return scatter(self.field, count, self.world, rng)
         try:
             poses = np.array(given, dtype=np.float64)
         except (TypeError, ValueError):

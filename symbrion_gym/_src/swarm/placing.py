@@ -9,6 +9,7 @@ from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError
 from symbrion_gym._src.robot.organism import snake
 from symbrion_gym._src.swarm.docks import SCOUT
+from symbrion_gym._src.swarm.senses import SwarmWorld
 from symbrion_gym._src.swarm.world import SwarmState
 from symbrion_gym._src.tasks.route import Route, find_route
 
@@ -58,9 +59,9 @@ def find_field(arena: Arena, length: int = 8, needs_pit: bool = True) -> Field:
 
 
 def scatter(
-    field: Field, num_robots: int, arena: Arena, rng: np.random.Generator
+    field: Field, num_robots: int, world: SwarmWorld, rng: np.random.Generator
 ) -> Float[np.ndarray, "N 3"]:
-    """Return x [m], y [m] and heading [rad] of robots on the ground before the gap, on level ground.
+    """Return x [m], y [m] and heading [rad] of robots before the gap, where they can stand.
 
     Raises:
         ArenaError: there is no room for so many.
@@ -73,12 +74,14 @@ def scatter(
         heading = rng.uniform(-np.pi, np.pi)
         x, y = (float(value) for value in field.route.place(s, left))
         is_far = all(np.hypot(x - other[0], y - other[1]) > SPACING for other in poses)
-        if is_far and np.isfinite(np.asarray(arena.height(x, y))).all():
+        if is_far and world.find_standing(np.array([(x, y, heading)])).all():
             poses.append((x, y, heading))
-    return _pack(field, num_robots, arena, rng)
+    return _pack(field, num_robots, world, rng)
 
 
-def _pack(field: Field, num_robots: int, arena: Arena, rng: np.random.Generator) -> Float[np.ndarray, "N 3"]:
+def _pack(
+    field: Field, num_robots: int, world: SwarmWorld, rng: np.random.Generator
+) -> Float[np.ndarray, "N 3"]:
     """Return poses at random places of the widest triangular grid that has enough of them."""
     places = np.zeros((0, 2))
     for spacing in np.arange(SPACING, _LEAST_SPACING, -_SPACING_STEP):
@@ -87,13 +90,14 @@ def _pack(field: Field, num_robots: int, arena: Arena, rng: np.random.Generator)
         s, left = (each.ravel() for each in np.meshgrid(rows, columns, indexing="ij"))
         left = left + spacing / 2 * np.repeat(np.arange(len(rows)) % 2, len(columns))
         x, y = field.route.place(s, left)
-        is_inside = np.isfinite(np.asarray(arena.height(x, y))) & (left <= field.half_width)
+        is_inside = world.find_standing(np.column_stack([x, y, 0 * x])) & (left <= field.half_width)
         places = np.column_stack([x, y])[is_inside]
         if len(places) >= num_robots:
             chosen = rng.choice(len(places), num_robots, replace=False)
             return np.column_stack([places[chosen], rng.uniform(-np.pi, np.pi, num_robots)])
     raise ArenaError(
-        f"there is room for {len(places)} robots before the pit of {arena.name!r}, not for {num_robots}; take fewer"
+        f"there is room for {len(places)} robots at the start of the way in {world.arena.name!r}, not for "
+        f"{num_robots}; take fewer, or give options={{'poses': ...}}"
     )
 
 

@@ -141,6 +141,10 @@ class SwarmWorld(Protocol):
         """Rays in the arena."""
         ...
 
+    def find_standing(self, poses: Float[np.ndarray, "M 3"]) -> Bool[np.ndarray, " M"]:
+        """Return at which of any number of poses (x, y, heading) a robot can stand."""
+        ...
+
     def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
         """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad]."""
         ...

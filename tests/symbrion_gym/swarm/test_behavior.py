@@ -20,6 +20,7 @@ from symbrion_gym._src.swarm.behavior.memory import (
     read_ticket,
 )
 from symbrion_gym._src.swarm.behavior.states import APART, HALF_GAUGE, HEARD_WELL, REACH, SLIP, STALL_TIME
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
 from symbrion_gym._src.swarm.placing import find_field, scatter
 
 SEED = [1.0, 0.0, 0.0]
@@ -84,7 +85,7 @@ def test_scattered_robots_become_a_snake() -> None:
     """Of three starts at least one: where they meet depends on the last digits of a processor."""
     arena = sg.load_arena("truth")
     for seed in range(3):
-        poses = scatter(find_field(arena), 4, arena, np.random.default_rng(seed))
+        poses = scatter(find_field(arena), 4, KinematicWorld(arena, 4), np.random.default_rng(seed))
         swarm = run(make_swarm(poses, None, arena, noise=1.0), 1000.0, is_whole)
         if is_whole(swarm):
             break

@@ -6,11 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
+import symbrion_gym as sg
 from symbrion_gym import swarm_v0
 from symbrion_gym._src.errors import ArenaError, OptionError
 from symbrion_gym._src.robot.organism import Docking
 from symbrion_gym._src.swarm.environment import LEVELS, SwarmEnv
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.placing import find_field, scatter
 
 pytest.importorskip("pettingzoo", reason="the extra `swarm` is not installed")
 
@@ -95,6 +99,21 @@ def test_arenas_without_a_pit_or_room_are_refused() -> None:
         swarm_v0.parallel_env(arena="stairs")
     with pytest.raises(ArenaError, match="there is room for"):
         swarm_v0.parallel_env(arena="truth", num_robots=200).reset(seed=0)
+
+
+def test_robots_are_scattered_where_they_can_stand() -> None:
+    """Not astride a wall that is thinner than they are, nor beside it."""
+    wall = trimesh.creation.box((0.02, 6.0, 0.3))
+    floor = trimesh.creation.box((6.0, 6.0, 0.1))
+    floor.apply_translation((0.0, 0.0, -0.05))
+    walls = [wall.copy().apply_translation((x, 0.0, 0.15)) for x in np.arange(-2.8, 2.9, 0.7)]
+    arena = sg.make_arena(trimesh.util.concatenate([floor, *walls]), name="walls")
+    world, rng = KinematicWorld(arena, 6), np.random.default_rng(0)
+    field = find_field(sg.load_arena("truth"))._replace(low=-2.5, high=2.5, half_width=2.5)
+    poses = scatter(field, 6, world, rng)
+    assert world.find_standing(poses).all()
+    assert (np.abs((poses[:, 0] + 0.35) % 0.7 - 0.35) > 0.05).all()
+    assert not world.find_standing(np.array([(0.0, 0.0, 0.0)])).any(), "on the wall"
 
 
 def test_fifty_robots_find_room() -> None:

@@ -70,7 +70,7 @@ def tell_story(
     """Run a story from the scattered start to the end."""
     field, count = find_field(arena, config.num_robots), config.num_robots
     world = KinematicWorld(arena, count, make_scout())
-    world.reset(scatter(field, count, arena, np.random.default_rng((config.seed, 3))), config.seed)
+    world.reset(scatter(field, count, world, np.random.default_rng((config.seed, 3))), config.seed)
     swarm = BehavingSwarm(world, Machine(make_plan(snake(count)), count, config.docks), seed=config.seed)
     gathered, crossed = _gather(swarm, config.gather_time, progress), None
     reason = f"no whole organism within {config.gather_time:g} s" if gathered is None else ""

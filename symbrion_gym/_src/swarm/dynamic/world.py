@@ -63,6 +63,10 @@ class DynamicWorld:
         """Rays in the arena."""
         return self._ground.sight
 
+    def find_standing(self, poses: Float[np.ndarray, "M 3"]) -> Bool[np.ndarray, " M"]:
+        """Return at which of any number of poses (x, y, heading) a robot can stand."""
+        return self._ground.find_standing(poses)
+
     def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
         """Place the robots on the ground, undocked, with level arms, at x [m], y [m] and heading [rad].
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import ArenaError, OptionError
@@ -70,6 +70,18 @@ class GroundFit(NamedTuple):
     step: Float[np.ndarray, " N"]  # largest height of the rim of the chassis above or below that plane [m]
     unknown: Float[np.ndarray, " N"]  # share of the places whose height is unknown
     wall: Float[np.ndarray, " N"]  # how far walls reach into the disc of the chassis, at half its height [m]
+
+
+def _find_fault(fit: GroundFit, robot: int) -> str:
+    """Return in words why a robot cannot stand where it is, or nothing."""
+    slope, step, unknown, wall = (values[robot] for values in fit[2:])
+    if not unknown <= MOST_UNKNOWN or not np.isfinite(fit.height[robot]):
+        return "off the surface"
+    if not slope <= STEEPEST:
+        return f"on a slope of {np.rad2deg(slope):.0f} degrees; it climbs {np.rad2deg(STEEPEST):.0f}"
+    if wall > 0.0:
+        return f"{wall:.3f} m within a wall"
+    return "" if step <= HIGHEST_STEP else f"at a step of {step:.3f} m; it climbs {HIGHEST_STEP:g}"
 
 
 def fit_ground(
@@ -186,13 +198,13 @@ class KinematicWorld:
             raise OptionError(f"poses must be [{count}, 3] finite numbers (x, y, heading), got {poses.shape}")
         self._rng = np.random.default_rng(seed)
         self._roots = np.arange(count)
-        position = np.column_stack([poses[:, :2], np.zeros(count)])
-        rotation = make_rotations(np.tile([0.0, 0.0, 1.0], (count, 1)), poses[:, 2])
-        fit = self._fit_ground(position, rotation)
-        for _ in range(_LANDING_ROUNDS):
-            self._check_ground(poses, fit)
-            rotation, position[:, 2] = make_rotations(fit.normal, poses[:, 2]), fit.height
-            fit = self._fit_ground(position, rotation)
+        position, rotation, faults = self._land(poses)
+        for robot, ((x, y, _), what) in enumerate(zip(poses, faults, strict=True)):
+            if what:
+                where = f"({x:.2f}, {y:.2f}) of arena {self.arena.name!r}"
+                raise ArenaError(
+                    f"robot {robot} at {where} stands {what}; move it (options={{'poses': ...}})"
+                )
         hinge, zero = np.zeros(count), np.zeros((count, 3))
         self._check_overlaps(Poses(position, rotation, hinge))
         self.set_state(SwarmState(position, rotation, zero, hinge, (), np.zeros((count, 2))), 0.0)
@@ -302,22 +314,21 @@ class KinematicWorld:
         level = np.where(is_bad, np.where(find_members(self.groups), STAY, TURN), FULL)
         return spread_level(level, self.groups)
 
-    def _check_ground(self, poses: Vectors, fit: GroundFit) -> None:
-        """Refuse places on which a robot cannot stand."""
-        for robot, (x, y, _) in enumerate(poses):
-            slope, step, unknown, wall = (values[robot] for values in fit[2:])
-            if not unknown <= MOST_UNKNOWN or not np.isfinite(fit.height[robot]):
-                what = "off the surface"
-            elif not slope <= STEEPEST:
-                what = f"on a slope of {np.rad2deg(slope):.0f} degrees; it climbs {np.rad2deg(STEEPEST):.0f}"
-            elif wall > 0.0:
-                what = f"{wall:.3f} m within a wall"
-            elif not step <= HIGHEST_STEP:
-                what = f"at a step of {step:.3f} m; it climbs {HIGHEST_STEP:g}"
-            else:
-                continue
-            name = self.arena.name
-            raise ArenaError(f"robot {robot} at ({x:.2f}, {y:.2f}) of arena {name!r} stands {what}; move it")
+    def find_standing(self, poses: Vectors) -> Bool[np.ndarray, " N"]:
+        """Return at which of any number of poses (x, y, heading) a robot can stand."""
+        return np.array([not what for what in self._land(poses)[2]], dtype=bool)
+
+    def _land(self, poses: Vectors) -> tuple[Vectors, Float[np.ndarray, "N 3 3"], list[str]]:
+        """Return how undocked robots stand at poses, and in words why one cannot; no words where it can."""
+        count = len(poses)
+        position = np.column_stack([poses[:, :2], np.zeros(count)])
+        rotation = make_rotations(np.tile([0.0, 0.0, 1.0], (count, 1)), poses[:, 2])
+        faults = [""] * count
+        for _ in range(_LANDING_ROUNDS):
+            fit = fit_ground(self.arena, self.sight, position, rotation, np.arange(count))
+            faults = [what or _find_fault(fit, robot) for robot, what in enumerate(faults)]
+            rotation, position[:, 2] = make_rotations(fit.normal, poses[:, 2]), fit.height
+        return position, rotation, faults
 
     def _check_overlaps(self, poses: Poses) -> None:
         """Refuse robots that are within each other."""
