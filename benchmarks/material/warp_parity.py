@@ -97,7 +97,7 @@ def compare_ticks(arena: str, controllers: int, ticks: int, device: str, seed: i
         **{f"steps_{name}": found for name, found in same_engine.items()},
         "agreeing": _summarize(columns, columns[5] & columns[6])._asdict(),
         "all": _summarize(columns, columns[6])._asdict(),
-        "contacts_dropped": bool(other.batch.has_overflowed),
+        "contacts_dropped": bool(other.batch.engine.has_overflowed),
     }
 
 

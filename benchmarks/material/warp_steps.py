@@ -14,7 +14,8 @@ import numpy as np
 from benchmarks.material.crossings import draw_conditions
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.randomization import VARIED
-from symbrion_gym._src.environment.warp.batch import WarpBatch
+from symbrion_gym._src.environment.warp.batch import WarpEngine
+from symbrion_gym._src.environment.world import World
 
 STEPS_PER_ACTION = 100
 """Random actions are held for so long: half a second."""
@@ -40,13 +41,13 @@ class Setting(NamedTuple):
     """Simulations that begin, and what drives them.
 
     Attributes:
-        model: compiled model.
+        world: compiled arena with an organism.
         fields: values of `VARIED` in every simulation.
         qpos: `[N, nq]` at the start.
         control: `[T, N, nu]` of every physics step.
     """
 
-    model: mujoco.MjModel
+    world: World
     fields: dict[str, np.ndarray]
     qpos: np.ndarray
     control: np.ndarray
@@ -67,7 +68,7 @@ def make_setting(arena: str, controllers: int, steps: int, seed: int = 0, **opti
         envs.step(actions)
         control += [live.copy()] * skip
     envs.close()
-    return Setting(envs.model, fields, qpos, np.array(control))
+    return Setting(envs.world, fields, qpos, np.array(control))
 
 
 def run_reference(setting: Setting, is_rounded: bool = False, offset: float = 0.0) -> Iterator[Moment]:
@@ -79,7 +80,7 @@ def run_reference(setting: Setting, is_rounded: bool = False, offset: float = 0.
         offset: standard deviation of what is added to the heights and the angles of the hinges at the start [m], [rad].
     """
     count, rng = len(setting.qpos), np.random.default_rng(0)
-    models = [setting.model.__copy__() for _ in range(count)]
+    models = [setting.world.model.__copy__() for _ in range(count)]
     states = [mujoco.MjData(model) for model in models]
     for row, (model, data) in enumerate(zip(models, states, strict=True)):
         for name, values in setting.fields.items():
@@ -109,15 +110,17 @@ def _round(data: mujoco.MjData) -> None:
 def run_warp(setting: Setting, device: str) -> Iterator[Moment]:
     """Yield the steps of Warp."""
     count = len(setting.qpos)
-    batch = WarpBatch(setting.model, count, device)
+    engine = WarpEngine(count, device)
+    engine.add(setting.world)
+    engine.build()
     for name, values in setting.fields.items():
-        batch.write(name, values)
-    qpos, control = batch.bind("qpos"), batch.bind("ctrl")
+        engine.write(name, values)
+    qpos, control = engine.bind("qpos"), engine.bind("ctrl")
     qpos[:] = setting.qpos
     for each in setting.control:
         control[:] = each
-        batch.step()
-        yield Moment(qpos.copy(), list(map(_sort, batch.list_contacts())))
+        engine.step()
+        yield Moment(qpos.copy(), list(map(_sort, engine.list_contacts())))
 
 
 def _sort(geoms: np.ndarray) -> Pairs:

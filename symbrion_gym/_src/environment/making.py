@@ -28,15 +28,19 @@ def make_vector_env(
         if arenas is not None:
             return ManyArenasVectorEnv(num_envs, arenas, **options)
         return OrganismVectorEnv(num_envs, **options)
-    if arenas is not None:
-        raise OptionError("backend 'warp' holds one arena in a batch; give arena in place of arenas")
+    if arenas is not None and array != "numpy":
+        raise OptionError(
+            f"array={array!r} holds one arena; give arena in place of arenas, or leave out array"
+        )
     if array == "torch" and find_spec("torch") is None:
         raise OptionError(
             "array='torch' needs torch, which is not installed: pip install torch, or take 'jax'"
         )
     if array == "numpy":
-        from symbrion_gym._src.environment.warp.batch import WarpVectorEnv
+        from symbrion_gym._src.environment.warp.batch import WarpArenasVectorEnv, WarpVectorEnv
 
+        if arenas is not None:
+            return WarpArenasVectorEnv(num_envs, arenas, **options)
         return WarpVectorEnv(num_envs, **options)
     require_extras("backend 'warp'", "gpu")
     from symbrion_gym._src.environment.warp.device_vector_env import DeviceVectorEnv

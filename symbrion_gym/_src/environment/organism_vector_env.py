@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch
 
 from symbrion_gym._src.environment.config import EnvironmentConfig, check_count
-from symbrion_gym._src.environment.episodes import Episodes, Ticks
+from symbrion_gym._src.environment.episodes import Episodes
 from symbrion_gym._src.environment.organism_env import OrganismEnv, make_renderer, make_spaces
 from symbrion_gym._src.environment.randomization import (
     VARIED,
@@ -148,11 +148,35 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Move the targets of the hinges and let a tick pass in every simulation that is not done."""
-        actions = np.asarray(actions, dtype=np.float64)
+        active = self.command(np.asarray(actions, dtype=np.float64))
+        count = np.count_nonzero(active)
+        if count:
+            self.batch.step(None if count == self.num_envs else active, nstep=self.config.frame_skip)
+        return self.finish(active)
+
+    def command(self, actions: np.ndarray) -> np.ndarray:
+        """Move the targets of the hinges before the physics; return which simulations are not done."""
         if actions.shape != self.action_space.shape:
             raise OptionError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
-        was_done, active = self._is_done, ~self._is_done
-        reward, terminated, truncated, _ = self._advance(actions, active)
+        active, episodes = ~self._is_done, self._episodes
+        count = np.count_nonzero(active)
+        if count:
+            target, speed = episodes.command(actions, None if count == self.num_envs else active)
+            self._control[:, self.world.servos] = target
+            if episodes.commands.num_tracks:
+                self.world.write_track_speed(self._fields["geom_surfacevel"], speed)
+                self._send("geom_surfacevel")
+        return active
+
+    def finish(
+        self, active: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Return what `step` does, after the physics of the active simulations."""
+        was_done, count = self._is_done, np.count_nonzero(active)
+        if count:
+            self._refresh()
+        ticks = self._episodes.finish_tick(self._physics, None if count == self.num_envs else active)
+        reward, terminated, truncated = ticks.reward, ticks.terminated.copy(), ticks.truncated.copy()
         ended = terminated | truncated
         has_ended = np.count_nonzero(ended) > 0
         self._is_done = was_done | ended
@@ -172,22 +196,6 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             info = {**self._make_info(active), "final_obs": final, "_final_obs": ended}
             info |= {"final_info": final_info, "_final_info": ended}
         return observation, reward, terminated, truncated, info
-
-    def _advance(self, actions: np.ndarray, active: np.ndarray) -> Ticks:
-        """Step the physics of the active simulations; return how the tick ended in each."""
-        episodes = self._episodes
-        count = np.count_nonzero(active)
-        if count:
-            some = None if count == self.num_envs else active
-            target, speed = episodes.command(actions, some)
-            self._control[:, self.world.servos] = target
-            if episodes.commands.num_tracks:
-                self.world.write_track_speed(self._fields["geom_surfacevel"], speed)
-                self._send("geom_surfacevel")
-            self.batch.step(some, nstep=self.config.frame_skip)
-            self._refresh()
-        ticks = episodes.finish_tick(self._physics, None if count == self.num_envs else active)
-        return ticks._replace(terminated=ticks.terminated.copy(), truncated=ticks.truncated.copy())
 
     def _restart(self, mask: np.ndarray, observation: np.ndarray) -> np.ndarray:
         rows = np.flatnonzero(mask).tolist()
@@ -287,8 +295,7 @@ class ManyArenasVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndar
             raise OptionError(f"num_envs is {num_envs}, but there are {count} arenas; give each a simulation")
         self._rows = [slice(number, None, count) for number in range(count)]
         sizes = [len(range(num_envs)[rows]) for rows in self._rows]
-        each = zip(sizes, arenas, strict=True)
-        self.parts = [OrganismVectorEnv(size, arena=arena, **options) for size, arena in each]
+        self.parts = self._make_parts(sizes, arenas, options)
         first = self.parts[0]
         for name in ("config", "world", "metadata", "render_mode"):
             setattr(self, name, getattr(first, name))
@@ -303,6 +310,13 @@ class ManyArenasVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndar
                     )
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
+
+    def _make_parts(self, sizes: Sequence[int], arenas: Sequence[Any], options: dict[str, Any]) -> list[Any]:
+        each = zip(sizes, arenas, strict=True)
+        return [OrganismVectorEnv(size, arena=arena, **options) for size, arena in each]
+
+    def _step_parts(self, actions: np.ndarray) -> list[Any]:
+        return [part.step(actions[rows]) for part, rows in zip(self.parts, self._rows, strict=True)]
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -326,8 +340,7 @@ class ManyArenasVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndar
         if not isfinite(np.vdot(actions, actions)):  # before any arena is stepped
             active = self._join([~part._is_done for part in self.parts])
             self.parts[0]._episodes.commands.refuse_infinite(actions, active)
-        found = [part.step(actions[rows]) for part, rows in zip(self.parts, self._rows, strict=True)]
-        *arrays, infos = zip(*found, strict=True)
+        *arrays, infos = zip(*self._step_parts(actions), strict=True)
         observation, reward, terminated, truncated = map(self._join, arrays)
         return observation, reward, terminated, truncated, self._join_infos(infos)
 

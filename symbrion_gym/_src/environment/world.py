@@ -134,10 +134,11 @@ class World:
         )
         self.scene = Scene(self.arena, self.organism, self.route, self.map_route)
         self._placement = GroundPlacement(self.arena, self.organism, self.route.start_height)
-        self.model = self._make_spec(width, height).compile()  # change a copy, as simulations share it
+        self.model = self.make_spec(width, height).compile()  # change a copy, as simulations share it
         self._find_ids()
 
-    def _make_spec(self, width: int, height: int) -> mujoco.MjSpec:
+    def make_spec(self, width: int = 640, height: int = 400) -> mujoco.MjSpec:
+        """Return a new spec of the arena with the organism in it; images have a size in pixels."""
         spec = self.arena.spec()
         add_scene(spec, width, height)
         root = self.organism.add_to(spec, spec.worldbody)

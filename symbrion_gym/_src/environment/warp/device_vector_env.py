@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from symbrion_gym._src.environment.config import check_count
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym._src.environment.randomization import Domain, split_reset
-from symbrion_gym._src.environment.warp.batch import WarpBatch, list_columns
+from symbrion_gym._src.environment.warp.batch import WarpEngine, list_columns
 from symbrion_gym._src.environment.warp.state import Episode
 from symbrion_gym._src.environment.warp.tick import DeviceRun, RunState
 from symbrion_gym._src.environment.world import World
@@ -89,11 +89,13 @@ def _to_single(values: np.ndarray) -> np.ndarray:
     return np.array(values, dtype={"b": bool, "i": np.int32}.get(values.dtype.kind, np.float32))
 
 
-class DeviceBatch(WarpBatch):
-    """A `WarpBatch` that neither reads nor writes the arrays of the host."""
+class DeviceBatch(WarpEngine):
+    """Simulations that neither read nor write arrays of the host."""
 
     def __init__(self, world: World, nsim: int, **options: Any) -> None:
-        super().__init__(world.model, nsim, **options)
+        super().__init__(nsim, **options)
+        self.add(world)
+        self.build()
         self.jax_device = find_jax_device(self.warp_device)
         columns = list_columns(world)
         self._columns = {name: self.make_indices(each) for name, each in columns.items()}

@@ -156,5 +156,5 @@ def test_dropped_contacts_are_reported(caplog):
     envs.reset(seed=0)
     for _ in range(5):
         envs.step(np.zeros(envs.action_space.shape))
-    assert envs.batch.has_overflowed
+    assert envs.batch.engine.has_overflowed
     assert "raise max_contacts" in caplog.text
