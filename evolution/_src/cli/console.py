@@ -34,9 +34,8 @@ class Console:
         )
 
     def __enter__(self) -> "Console":
-        self._starting = [
-            self._bars.add_task("Starting", total=None, detail="")
-        ]  # until packages are imported
+        # Until packages are imported.
+        self._starting = [self._bars.add_task("Starting", total=None, detail="")]
         self._bars.start()
         return self
 

@@ -45,6 +45,10 @@ def read_text(file: BoundedFile) -> RawPoints:
     head = first.split("#")[0].strip()
     delimiter = "," if "," in head else ";" if ";" in head else None
     words = [word.strip().strip('"').lower() for word in head.split(delimiter)]
+    if head.lower().startswith("ncols"):
+        raise ScanError(
+            "is an ESRI ASCII grid, not points; convert it first: gdal_translate -of XYZ GRID.asc GRID.xyz"
+        )
     if len(words) < 3:
         raise ScanError(f"line {number} has {len(words)} columns, x y z are needed: {head[:60]!r}")
     columns, has_names = _find_columns(words)

@@ -29,6 +29,7 @@ crease 90, a face laid back onto its neighbor 180."""
 _SIZES_APART = 4.0
 """Faces are compared by size: the largest of a group is at most this many times as large as the smallest.
 It changes the time alone."""
+_ROUNDING = 1.0 + 1e-9  # Balls that touch by less than rounding are not lost
 _SHRINKAGE = 1e-6
 """A corner that two triangles share is moved into the first by this share of the way to its center before they are
 tested: so they intersect only where they meet elsewhere, too. Far above the rounding of floats, far below any gap."""
@@ -103,10 +104,10 @@ def _find_near(
                 continue
             trees = [cKDTree(centers[part], balanced_tree=False) for part in (one, other)]
             near = trees[0].sparse_distance_matrix(
-                trees[1], 2 * radius[is_large].max(), output_type="ndarray"
+                trees[1], 2 * _ROUNDING * radius[is_large].max(), output_type="ndarray"
             )
             one, other = one[near["i"]], other[near["j"]]
-            is_near = near["v"] <= radius[one] + radius[other]
+            is_near = near["v"] <= _ROUNDING * (radius[one] + radius[other])
             one, other = one[is_near], other[is_near]
             is_new = is_smaller[other] | ~is_selected[other] | (one < other)
             one, other = one[is_new], other[is_new]

@@ -163,11 +163,9 @@ def save_arena(folder: str | Path, geometry: ArenaGeometry, about: dict[str, Any
     for place in (PLAIN,) if own.place == SPARE else (SPARE, PLAIN):
         current = {f"{place}{name}" for name in meshes} | {MODEL, ABOUT}
         for name, content in meshes.items():
-            path, twin = (
-                folder / f"{place}{name}",
-                None if SPARE in (place, own.place) else folder / SPARE / name,
-            )
-            if twin is None or not _link(twin, path):
+            path = folder / f"{place}{name}"
+            is_twin = SPARE not in (place, own.place)  # else what is spare is of an older arena
+            if not (is_twin and _link(folder / SPARE / name, path)):
                 write_file(path, content)
         files = sorted(current if place == PLAIN else own.names | wanted)
         write_json(folder / ABOUT, about | {"place": place, "files": files})

@@ -20,7 +20,8 @@ def check_has_surface(path: Path) -> None:
     if path.is_file() and _holds_points(path):
         stem = path.name.split(".")[0] or "surface"
         raise ArenaError(
-            f"{path} holds points without a surface; first: symbrion reconstruct {path} --out {stem}-surface.npz"
+            f"{path} holds points without a surface; first: symbrion reconstruct {path} --out {stem}-surface.npz "
+            "(with its --unit, --up or --scale, if it needs one)"
         )
 
 

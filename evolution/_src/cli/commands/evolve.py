@@ -226,8 +226,10 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
 def describe_stop(run: "ev.Run") -> str:
     """Return in one line what has stopped a search, and the command that goes on."""
     done = len(run.history)
+    if run.is_solved:
+        return "solved"
     if done < run.config.length:
-        return "solved" if run.is_solved else "every body has learned to the end: nothing is left to be tried"
+        return "every body has learned to the end: nothing is left to be tried"
     return (
         f"stopped by --generations {run.config.length}; to go on: symbrion resume {shlex.quote(str(run.folder))} "
         f"--generations {max(2 * done, 1)}"

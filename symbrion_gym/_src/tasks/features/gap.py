@@ -99,8 +99,8 @@ def _find_skewed(profile: Profile, least: float) -> tuple[Gap, float]:
     crossings = [crossing for crossing in found.values() if crossing is not None]
     if not crossings:
         raise TaskError(
-            f"no gap on the way across arena {name!r}: the ground nowhere drops by {_DEPTH} m and rises again within "
-            f"{_MAX_WIDTH} m"
+            f"no gap on the way across arena {name!r}: the ground nowhere drops by {_DEPTH} m at an edge and rises "
+            f"again at another within {_MAX_WIDTH} m; a hollow with gentle sides is none"
         )
     known = np.array([k for k, crossing in found.items() if crossing is not None])
     floor = float(np.median([crossing.floor for crossing in crossings]))
