@@ -21,11 +21,14 @@ COUNT = 7
 
 @pytest.fixture(scope="module")
 def arenas():
-    """A course of boxes, a scanned one of meshes, and a course with a friction patch."""
+    """A course of boxes; a scanned one; one of meshes, boxes with a tip below, with a friction patch."""
     outline = ((-9.0, -1.0), (0.0, -1.0), (0.0, 1.0), (-9.0, 1.0))
     slippery = sg.FrictionMap((sg.FrictionPatch(0.2, (outline,)),))
     narrow = sg.Arena.from_course(sg.Course(pit=0.3), "slippery")
-    return ["truth", "gsrm", replace(narrow, friction_map=slippery)]
+    tips = [each.vertices.mean(axis=0) - (0.0, 0.0, np.ptp(each.vertices[:, 2])) for each in narrow.pieces]
+    corners = [np.vstack([each.vertices, tip]) for each, tip in zip(narrow.pieces, tips, strict=True)]
+    pieces = [trimesh.convex.convex_hull(each) for each in corners]
+    return ["truth", "gsrm", replace(narrow, pieces=pieces, friction_map=slippery)]
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
