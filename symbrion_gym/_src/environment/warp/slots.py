@@ -13,18 +13,9 @@ from symbrion_gym._src.errors import OptionError
 
 _ALIKE = ("type", "contype", "conaffinity", "condim", "group", "priority")
 """Properties of a geom that are one for all simulations of Warp: those of a slot."""
-_OWN = (
-    "geom_pos",
-    "geom_quat",
-    "geom_size",
-    "geom_aabb",
-    "geom_rbound",
-    "geom_friction",
-    "geom_rgba",
-    "geom_matid",
-)
-_OWN += ("geom_solmix", "geom_solref", "geom_solimp", "geom_margin", "geom_gap")
-"""Fields of geoms that each simulation has its own of, beside the shape (`geom_dataid`)."""
+_OWN = ("pos", "quat", "size", "aabb", "rbound", "friction", "rgba", "matid", "solmix", "solref", "solimp")
+_OWN += ("margin", "gap")
+"""Properties that each simulation has its own of, beside the shape (`geom_dataid`)."""
 _SIZES = {"nq": "coordinates", "nu": "servos", "nbody": "bodies", "nsite": "sites", "nsensordata": "readings"}
 _PLACES = ("geom_xpos", "geom_xmat")  # Of static geoms, which Warp computes once for all simulations
 _FAR = -1e5  # Height at which a slot lies in arenas that leave it empty [m]
@@ -35,9 +26,8 @@ class SharedModel(NamedTuple):
     """A model for A arenas, and what makes it that of each of them."""
 
     model: mujoco.MjModel  # the robot, and slots
-    shapes: (
-        mujoco.MjModel | None
-    )  # whose meshes and height fields `geom_dataid` names; None for those of `model`
+    # whose meshes and height fields `geom_dataid` names; None for those of `model`
+    shapes: mujoco.MjModel | None
     fields: dict[str, Any]  # fields of the model -> `[A, ngeom, ...]`
     places: dict[str, Any]  # fields of the state that no step changes -> `[A, ngeom, ...]`
     geoms: list[Int[np.ndarray, " G"]]  # geom of this model that each geom of an arena's own model is
@@ -108,10 +98,8 @@ def _make_slots(world: World, counts: Counter[tuple[int, ...]]) -> mujoco.MjSpec
             wanted["meshname"] = "slot"
         if kind[0] == mujoco.mjtGeom.mjGEOM_HFIELD:
             wanted["hfieldname"] = "slot"
-        for _ in range(count):
-            spec.worldbody.add_geom(
-                **wanted, rgba=[0.0, 0.0, 0.0, 0.0]
-            )  # rays do not see what is transparent
+        for _ in range(count):  # empty: rays do not see what is transparent
+            spec.worldbody.add_geom(**wanted, rgba=[0.0, 0.0, 0.0, 0.0])
     return spec
 
 
@@ -134,7 +122,7 @@ def _fill(
     mujoco.mj_kinematics(shared.model, data)
     mujoco.mj_kinematics(model, own_data)
     for sources, names, into in (
-        ((shared.model, model), _OWN, shared.fields),
+        ((shared.model, model), [f"geom_{name}" for name in _OWN], shared.fields),
         ((data, own_data), _PLACES, shared.places),
     ):
         for name in names:

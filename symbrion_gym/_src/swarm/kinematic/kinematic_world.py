@@ -202,9 +202,7 @@ class KinematicWorld:
         for robot, ((x, y, _), what) in enumerate(zip(poses, faults, strict=True)):
             if what:
                 where = f"({x:.2f}, {y:.2f}) of arena {self.arena.name!r}"
-                raise ArenaError(
-                    f"robot {robot} at {where} stands {what}; move it (options={{'poses': ...}})"
-                )
+                raise ArenaError(f"robot {robot} at {where} stands {what}; give it another pose")
         hinge, zero = np.zeros(count), np.zeros((count, 3))
         self._check_overlaps(Poses(position, rotation, hinge))
         self.set_state(SwarmState(position, rotation, zero, hinge, (), np.zeros((count, 2))), 0.0)
