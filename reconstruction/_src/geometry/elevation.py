@@ -37,7 +37,7 @@ class Elevation:
     """
 
     def __init__(self, *meshes: trimesh.Trimesh) -> None:
-        """Sort the triangles of all meshes into grid cells of about one triangle each."""
+        """Sort the triangles of all meshes into grid cells, about two for each triangle."""
         triangles = [np.asarray(mesh.triangles, dtype=np.float64) for mesh in meshes]
         corners = np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))
         side_1, side_2 = (corners[:, i, :2] - corners[:, 0, :2] for i in (1, 2))
@@ -62,7 +62,9 @@ class Elevation:
         high = self._corners[:, :, :2].max(axis=1)
         self._origin = low.min(axis=0) if count else np.zeros(2)
         extent = np.maximum(high.max(axis=0) - self._origin, _LEAST_EXTENT) if count else np.ones(2)
-        self._cell = float(max(np.sqrt(extent[0] * extent[1] / max(count, 1)), extent.max() / _MOST_CELLS))
+        self._cell = float(
+            max(np.sqrt(extent[0] * extent[1] / max(2 * count, 1)), extent.max() / _MOST_CELLS)
+        )
         self._shape = np.floor(extent / self._cell).astype(np.int64) + 1
         first, last = self._find_cells(low), self._find_cells(high)
         spans = last - first + 1
@@ -85,7 +87,7 @@ class Elevation:
 
     def _find_cells(self, points: Float[np.ndarray, "N 2"]) -> Int[np.ndarray, "N 2"]:
         cells = np.floor((points - self._origin) / self._cell).astype(np.int64)
-        return np.clip(cells, 0, self._shape - 1)
+        return np.minimum(np.maximum(cells, 0), self._shape - 1)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Float[np.ndarray, " ..."]:
         """Return the height of the mesh at each (x, y) [m], NaN where there is none."""
@@ -101,33 +103,30 @@ class Elevation:
         """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         points = np.stack([x.ravel(), y.ravel()], axis=1)
-        heights = np.full(len(points), -np.inf)
-        is_finite = np.isfinite(points[:, 0]) & np.isfinite(points[:, 1])
-        cells = self._find_cells(np.where(np.stack([is_finite, is_finite], axis=1), points, self._origin))
-        cell = cells[:, 0] * self._shape[1] + cells[:, 1]
-        counts = np.where(is_finite, self._starts[cell + 1] - self._starts[cell], 0)
+        is_finite = np.isfinite(points[:, 0] + points[:, 1])
+        row, column = self._find_cells(np.where(is_finite[:, None], points, self._origin)).T
+        starts, stops = (self._starts.take(row * self._shape[1] + column + end) for end in (0, 1))
+        counts = np.where(is_finite, stops - starts, 0)
+        begins = np.cumsum(counts) - counts
         point = np.repeat(np.arange(len(points)), counts)
-        slot = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        triangle = self._triangles[self._starts[cell][point] + slot]
-        z = self._height_in(triangle, points[point])
+        triangle = self._triangles.take(np.arange(len(point)) + (starts - begins).take(point))
+        z = self._height_in(triangle, points.take(point, axis=0))
         if limit is not None:
             z = np.where(z <= np.broadcast_to(limit, x.shape).ravel()[point], z, -np.inf)
+        heights, faces = np.full(len(points), -np.inf), np.full(len(points), -1)
         is_covered = counts > 0
-        heights[is_covered] = (
-            np.maximum.reduceat(z, (np.cumsum(counts) - counts)[is_covered]) if len(z) else -np.inf
-        )
-        is_top = z == heights[point]
-        faces = np.full(len(points), -1)
+        if len(z):
+            heights[is_covered] = np.maximum.reduceat(z, begins[is_covered])
+        is_top = np.flatnonzero((z == heights.take(point)) & (z > -np.inf))
         faces[point[is_top]] = self._faces[triangle[is_top]]
-        faces[np.isneginf(heights)] = -1
-        heights[np.isneginf(heights)] = np.nan
+        heights[faces < 0] = np.nan
         return heights.reshape(x.shape), faces.reshape(x.shape)
 
     def _height_in(
         self, triangle: Int[np.ndarray, " N"], points: Float[np.ndarray, "N 2"]
     ) -> Float[np.ndarray, " N"]:
         """Return the height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
-        x, y, z, b_x, b_y, c_x, c_y, b_z, c_z, area = self._table[triangle].T
+        x, y, z, b_x, b_y, c_x, c_y, b_z, c_z, area = self._table.take(triangle, axis=0).T
         to_x, to_y = points[:, 0] - x, points[:, 1] - y
         weight_b = (to_x * c_y - to_y * c_x) / area
         weight_c = (b_x * to_y - b_y * to_x) / area

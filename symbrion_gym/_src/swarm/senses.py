@@ -32,26 +32,25 @@ class Sight(RayMesh):
 
     def cast_on_robots(
         self,
-        origins: Float[np.ndarray, "K 3"],
-        directions: Float[np.ndarray, "K 3"],
+        origins: Float[np.ndarray, "3 N K"],
+        directions: Float[np.ndarray, "3 N K"],
         state: SwarmState,
         first: Int[np.ndarray, " P"],
         second: Int[np.ndarray, " P"],
     ) -> Float[np.ndarray, "P K"]:
-        """Return how far along each ray of a first robot, given in its frame, the chassis of a second one is [m].
+        """Return how far along each ray of a first robot the chassis of a second one is [m].
 
         Infinity where it is not on the ray; 0 where the ray begins within it.
         """
-        frame = state.rotation[second]
-        turn = state.rotation[first].transpose(0, 2, 1) @ frame
-        starts = origins @ turn + (state.position[first] - state.position[second])[:, None] @ frame
-        ways = directions @ turn
-        ways = np.where(np.abs(ways) < _LEAST, _LEAST, ways)
-        enter, leave = np.zeros(starts.shape[:2]), np.full(starts.shape[:2], np.inf)
-        for axis, half in enumerate(self._half):
-            one, other = ((end - starts[..., axis]) / ways[..., axis] for end in (-half, half))
-            enter = np.maximum(enter, np.minimum(one, other))
-            leave = np.minimum(leave, np.maximum(one, other))
+        starts = origins.take(first, axis=1) - state.position.take(second, axis=0).T[..., None]
+        ways = directions.take(first, axis=1)
+        enter, leave = np.zeros(starts.shape[1:]), np.full(starts.shape[1:], np.inf)
+        for half, axis in zip(self._half, state.rotation.T.take(second, axis=2)[..., None], strict=True):
+            start, way = (x * axis[0] + y * axis[1] + z * axis[2] for x, y, z in (starts, ways))
+            way[np.abs(way) < _LEAST] = _LEAST
+            middle, around = start / -way, half / np.abs(way)
+            np.maximum(enter, middle - around, out=enter)
+            np.minimum(leave, middle + around, out=leave)
         return np.where(enter <= leave, enter, np.inf)
 
     def find_clear(self, state: SwarmState, reach: float) -> Bool[np.ndarray, "N N"]:
@@ -79,27 +78,28 @@ class Sight(RayMesh):
         self, squares: Float[np.ndarray, "N N"], first: Int[np.ndarray, " P"], second: Int[np.ndarray, " P"]
     ) -> Bool[np.ndarray, " P"]:
         """Return between which robots a third one is, from the squares of all distances (law of cosines)."""
-        whole, gap = squares[first, second][:, None], squares[first]
-        along = gap - squares[second]
+        whole, gap = squares[first, second], squares.take(first, axis=1)
+        along = gap - squares.take(second, axis=1)
         is_between = np.abs(along) < whole
         along += whole
         along *= along
         along /= 4.0 * np.maximum(whole, _LEAST)
         gap -= along
         is_between &= gap < self._half[1] ** 2
-        return is_between.any(axis=1)
+        return is_between.any(axis=0)
 
     def may_hit(
-        self, origins: Float[np.ndarray, "R 3"], directions: Float[np.ndarray, "R 3"], reach: float
+        self, origins: Float[np.ndarray, "3 R"], directions: Float[np.ndarray, "3 R"], reach: float
     ) -> Bool[np.ndarray, " R"]:
         """Return which rays come below the highest surface of a cell that they pass within reach [m]."""
-        along = np.linspace(0.0, 1.0, int(np.ceil(reach / self._cell)) + 1)[:, None] * reach
-        x, y, z = (origins[:, k] + along * directions[:, k] for k in range(3))
+        steps = int(np.ceil(reach / self._cell))
+        along = np.arange(steps + 1)[:, None] * (reach / steps)
+        x, y, z = (begin + along * way for begin, way in zip(origins, directions, strict=True))
         i, j = (
-            np.clip(((value - low) / self._cell).astype(np.int64), 0, count - 1)
+            np.minimum(np.maximum((value - low) / self._cell, 0).astype(np.int64), count - 1)
             for value, low, count in zip((x, y), self._low, self._top.shape, strict=True)
         )
-        lowest = z - self._cell * np.abs(directions[:, 2])
+        lowest = z - self._cell * np.abs(directions[2])
         return np.any(lowest <= self._top[i, j], axis=0)
 
 
@@ -206,20 +206,22 @@ class Senses:
     def _cast(self, state: SwarmState) -> Float[np.ndarray, "N K"]:
         """Return the exact distance along each ray [m]; inf beyond its range."""
         count, num, sight = len(state.position), len(self._ranges), self._world.sight
-        turn = state.rotation.transpose(0, 2, 1)
-        origins = self._origins @ turn + state.position[:, None]
-        directions = self._directions @ turn
-        near, ahead = (part[:, :NUM_UNITS].reshape(-1, 3) for part in (origins, directions))
+        frames = state.rotation.transpose(1, 0, 2)
+        origins = frames @ self._origins.T + state.position.T[..., None]
+        directions = frames @ self._directions.T
+        near, ahead = (part[..., :NUM_UNITS].reshape(3, -1) for part in (origins, directions))
         rays = np.flatnonzero(sight.may_hit(near, ahead, float(self._ranges[0])))
-        short = np.full(len(near), np.inf)
-        short[rays] = sight.cast_fans(near[rays], ahead[rays], np.ones(len(rays), np.int64))
+        short = np.full(count * NUM_UNITS, np.inf)
+        short[rays] = sight.cast_fans(near.T[rays], ahead.T[rays], np.ones(len(rays), np.int64))
         beams = sight.cast_fans(
-            origins[:, NUM_UNITS], directions[:, NUM_UNITS:].reshape(-1, 3), np.full(count, num - NUM_UNITS)
+            origins[..., NUM_UNITS].T,
+            directions[..., NUM_UNITS:].reshape(3, -1).T,
+            np.full(count, num - NUM_UNITS),
         )
         nearest = np.concatenate([short.reshape(count, -1), beams.reshape(count, -1)], axis=1)
         for part, chosen in zip(self._pair(state), (slice(NUM_UNITS), slice(NUM_UNITS, num)), strict=True):
             first, second = np.nonzero(part)
-            hits = sight.cast_on_robots(self._origins[chosen], self._directions[chosen], state, first, second)
+            hits = sight.cast_on_robots(origins[..., chosen], directions[..., chosen], state, first, second)
             begins = np.flatnonzero(np.diff(first, prepend=-1))
             if len(begins):
                 seen = nearest[first[begins], chosen]

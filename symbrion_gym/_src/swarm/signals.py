@@ -134,19 +134,22 @@ def compute_light(
     unit_place, unit_axis = find_units(state, scout)
     sender, dock = np.nonzero(shining)
     start, start_axis = dock_place[sender, dock], dock_axis[sender, dock]
-    pair, receiver = np.nonzero(sight.find_clear(state, _REACH + 2 * sight.robot_radius)[sender])
-    is_ahead = dot_rows(state.position[receiver] - start[pair], start_axis[pair]) > -sight.robot_radius
-    pair, receiver = pair[is_ahead], receiver[is_ahead]
+    clear = sight.find_clear(state, _REACH + 2 * sight.robot_radius)
+    behind = dot_rows(start, start_axis) - sight.robot_radius
+    is_ahead = dot_rows(start_axis[:, None], state.position) > behind[:, None]
+    pair, receiver = np.nonzero(clear[sender] & is_ahead)
     side_axis = unit_axis[:, ::2]
-    front = dot_rows(unit_place[:, ::2], side_axis)
-    row, side = np.nonzero(dot_rows(start[pair][:, None], side_axis[receiver]) > front[receiver])
+    front = dot_rows(unit_place[:, ::2], side_axis).take(receiver, axis=0)
+    row, side = np.nonzero(
+        dot_rows(start.take(pair, axis=0)[:, None], side_axis.take(receiver, axis=0)) > front
+    )
     pair, receiver = pair[row], receiver[row]
-    units = 2 * side[:, None] + np.arange(2)
+    lit = len(SIDES) * receiver + side
     readings = compute_readings(
-        start[pair][:, None],
-        start_axis[pair][:, None],
-        unit_place[receiver[:, None], units],
-        unit_axis[receiver[:, None], units],
+        start.take(pair, axis=0)[:, None],
+        start_axis.take(pair, axis=0)[:, None],
+        unit_place.reshape(-1, 2, 3).take(lit, axis=0),
+        unit_axis.reshape(-1, 2, 3).take(lit, axis=0),
     )
     seen = np.flatnonzero(np.maximum(readings[:, 0], readings[:, 1]) > _LEAST_READING)
     pair = pair[seen]

@@ -34,8 +34,8 @@ def test_another_robot_is_seen_at_the_face_of_its_box():
     np.testing.assert_allclose(senses.read()["proximity"][0, :2], [0.25 - 2 * HALF, SCOUT.ir_range])
 
 
-def test_the_laser_sees_the_floor_where_its_beams_meet_it_and_a_robot_ahead():
-    world, senses = make_senses([[0.0, 0.0, 0.0], [0.6, 0.0, 0.3]])
+def test_the_laser_sees_the_floor_where_its_beams_meet_it_and_the_nearest_robot_ahead():
+    world, senses = make_senses([[0.0, 0.0, 0.0], [1.2, 0.0, 0.3], [0.6, 0.0, 0.3]])
     laser = senses.read()["laser"]
     np.testing.assert_array_equal(Senses(world, 0.0, beams=7).read()["laser"], laser[:, :7])
     angles = np.linspace(*SCOUT.laser_angles, SCOUT.laser_beams)

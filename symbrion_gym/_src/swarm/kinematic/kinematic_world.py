@@ -121,12 +121,12 @@ def _find_walls(sight: Sight, center: Vectors, normal: Vectors) -> Float[np.ndar
     wall, center = np.zeros(len(center)), np.nan_to_num(center)
     flat = np.nan_to_num(normal, nan=0.0)
     flat[flat[:, 2] == 0.0] = [0.0, 0.0, 1.0]
-    spokes = _SPOKES @ make_rotations(flat, np.zeros(len(flat))).transpose(0, 2, 1)
-    origins = np.repeat(center, _NUM_SPOKES, axis=0)
-    is_near = sight.may_hit(origins, spokes.reshape(-1, 3), _RADIUS).reshape(-1, _NUM_SPOKES)
+    spokes = make_rotations(flat, np.zeros(len(flat))).transpose(1, 0, 2) @ _SPOKES.T
+    origins = np.repeat(center.T, _NUM_SPOKES, axis=1)
+    is_near = sight.may_hit(origins, spokes.reshape(3, -1), _RADIUS).reshape(-1, _NUM_SPOKES)
     near = np.flatnonzero(is_near.any(axis=1))
     counts = np.full(len(near), _NUM_SPOKES)
-    distance = sight.cast_fans(center[near], spokes[near].reshape(-1, 3), counts)
+    distance = sight.cast_fans(center[near], spokes[:, near].reshape(3, -1).T, counts)
     wall[near] = np.maximum(_RADIUS - distance.reshape(-1, _NUM_SPOKES).min(axis=1, initial=np.inf), 0.0)
     return wall
 
