@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from symbrion_gym._src.contact.kinds import FIELD_BASE, HeightField
 
 Cells = Int[np.ndarray, " N"]  # Numbers of cells; -1 for none
 Heights = Float[np.ndarray, " N"]  # [m]
 Triangles = Float[np.ndarray, "T 3 3"]  # corners [m]
+Margins = Float[np.ndarray, " T"]  # of triangles [m]
 Corner = Float[np.ndarray, " 2"]  # (x, y) [m]
 Spots = Int[np.ndarray, "T 2"]  # steps in cells along x and y
 
@@ -76,10 +77,13 @@ class Crossings(NamedTuple):
     height: Float[np.ndarray, " C"]  # z of the triangle there [m]
 
 
-def find_crossings(grid: Grid, corners: Triangles, margin: float = 0.0) -> Crossings:
-    """Return where vertical lines through the centers of cells meet triangles, triangle by triangle."""
-    margin = max(margin, _ROUNDING)
-    low, high = corners[..., :2].min(axis=1) - margin, corners[..., :2].max(axis=1) + margin
+def find_crossings(grid: Grid, corners: Triangles, margin: Margins | float = 0.0) -> Crossings:
+    """Return where vertical lines through the centers of cells meet triangles, triangle by triangle.
+
+    Each triangle reaches beyond its edges by a margin [m].
+    """
+    margin = np.broadcast_to(np.maximum(margin, _ROUNDING), len(corners))
+    low, high = (corners[..., :2].min(axis=1).T - margin).T, (corners[..., :2].max(axis=1).T + margin).T
     last_cell = np.asarray(grid.shape) - 1
     first = np.clip(np.ceil((low - grid.low) / grid.cell - 0.5).astype(np.int64), 0, last_cell + 1)
     last = np.clip(np.floor((high - grid.low) / grid.cell - 0.5).astype(np.int64), 0, last_cell)
@@ -102,7 +106,7 @@ def _expand(counts: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " M"], Int[n
 
 
 def _cross_some(
-    grid: Grid, corners: Triangles, margin: float, some: Cells, first: Spots, counts: Spots
+    grid: Grid, corners: Triangles, margin: Margins, some: Cells, first: Spots, counts: Spots
 ) -> Crossings:
     """Return the crossings of some triangles with the cells from their first one on, so many along x and y."""
     owner, number = _expand(counts[some].prod(axis=1))
@@ -114,7 +118,7 @@ def _cross_some(
     is_inside = np.ones(len(place), dtype=bool)
     for k in range(3):
         edge, way = shape[:, (k + 1) % 3, :2] - shape[:, k, :2], place - shape[:, k, :2]
-        is_inside &= turn * _cross(edge, way) >= -margin * np.hypot(edge[:, 0], edge[:, 1])
+        is_inside &= turn * _cross(edge, way) >= -margin[triangle] * np.hypot(edge[:, 0], edge[:, 1])
     triangle, cell, place, shape = (values[is_inside] for values in (triangle, cell, place, shape))
     side_1, side_2, way = shape[:, 1] - shape[:, 0], shape[:, 2] - shape[:, 0], place - shape[:, 0, :2]
     area = _cross(side_1, side_2)
@@ -172,7 +176,8 @@ def find_spans(grid: Grid, pieces: list[trimesh.Trimesh], height_field: HeightFi
     """Return what is solid along the vertical lines through the centers of cells."""
     corners = _join_triangles(pieces)
     owner = np.repeat(np.arange(len(pieces)), [len(piece.faces) for piece in pieces])
-    found = find_crossings(grid, corners, _GAP)
+    # The sides of pieces do not reach beyond their edges: their planes rise too fast.
+    found = find_crossings(grid, corners, np.where(_find_steep(corners), 0.0, _GAP))
     key = owner[found.triangle] * grid.num_cells + found.cell
     order = np.argsort(key, kind="stable")
     key, height = key[order], found.height[order]
@@ -208,15 +213,19 @@ def _join_triangles(pieces: list[trimesh.Trimesh]) -> Triangles:
     return np.concatenate([np.zeros((0, 3, 3)), *(np.asarray(piece.triangles) for piece in pieces)])
 
 
+def _find_steep(corners: Triangles) -> Bool[np.ndarray, " T"]:
+    """Return which triangles are walls."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.abs(normal[:, 2]) < np.cos(_WALL_SLOPE) * np.linalg.norm(normal, axis=1)
+
+
 def find_walls(grid: Grid, pieces: list[trimesh.Trimesh]) -> SortedHeights:
     """Return heights of points all over the steep faces of pieces, in their cells.
 
     Walls thinner than a cell lie between the lines through the centers, where `find_spans` does not see them.
     """
     corners = _join_triangles(pieces)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    is_steep = np.abs(normal[:, 2]) < np.cos(_WALL_SLOPE) * np.linalg.norm(normal, axis=1)
-    walls = _sample(corners[is_steep], grid.cell / 2)
+    walls = _sample(corners[_find_steep(corners)], grid.cell / 2)
     cells = grid.compute_cells(walls[:, :2])
     level = np.floor(walls[:, 2] / _WALL_DETAIL).astype(np.int64)
     level -= level.min(initial=0)

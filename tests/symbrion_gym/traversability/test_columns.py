@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.material.driving_scenes import make_box
 from symbrion_gym._src.contact.kinds import HeightField
@@ -26,6 +27,18 @@ def test_solids_that_touch_are_one_span_and_others_have_a_clearance():
     assert spans.high[here] == pytest.approx([0.2, 1.1])
     assert spans.clearance[here] == pytest.approx([0.8, np.inf])
     assert len(spans.cell) == 200
+
+
+def test_sides_of_pieces_do_not_rise_beside_a_seam():
+    """The side of a piece is so steep that its plane is higher by centimeters beside its edge."""
+    pieces = []
+    for corners in ([(0, 0), (1, 0), (1, 0.99)], [(0, 0), (1, 0.99), (1, 1), (0, 1)]):
+        half = np.array(corners, dtype=float)
+        below = half.mean(axis=0) + 0.9999 * (half - half.mean(axis=0))
+        top, bottom = (np.column_stack([part, 0.1 * part[:, 0]]) for part in (half, below))
+        pieces.append(trimesh.Trimesh(np.concatenate([top, bottom - [0, 0, 0.03]])).convex_hull)
+    spans = find_spans(GRID, pieces, None)
+    np.testing.assert_allclose(spans.high, 0.1 * GRID.compute_centers(spans.cell)[:, 0], atol=1e-4)
 
 
 def test_a_height_field_is_solid_below():
