@@ -108,7 +108,7 @@ def describe_quality(quality: ArenaQuality) -> str:
     count = format_count(quality.num_pieces, "piece")
     pieces = f"{count}; " if quality.num_pieces else ""  # none with a height field
     lines = [
-        f"{pieces}surface to contact: mean {format_distance(quality.mean)}, "
+        f"{pieces}surface within reach to contact: mean {format_distance(quality.mean)}, "
         f"95 % {format_distance(quality.p95)}, max {format_distance(quality.max)}; "
         f"{quality.uncovered:.1%} without contact"
     ]
