@@ -5,11 +5,13 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from datetime import timedelta
 from typing import IO, Any
 
 from rich.console import Console as RichConsole
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn
+from rich.table import Column, Table
+from rich.text import Text
 
 from reconstruction._src.base.printable import make_printable
 
@@ -21,21 +23,22 @@ class Console:
         self.quiet = quiet
         self._out = _PlainConsole(file=sys.stdout, quiet=mute, soft_wrap=True)
         self._rich = _PlainConsole(file=sys.stderr, quiet=quiet)
+        cut = Column(no_wrap=True, ratio=1)  # so that the time left is seen on a narrow terminal
         self._bars = Progress(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(bar_width=24),
+            TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, max_width=26)),
+            BarColumn(bar_width=10),
             TextColumn("{task.percentage:>3.0f}%"),
             TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[detail]}", style="dim", markup=False),
+            _TimeLeft(),
+            TextColumn("{task.fields[detail]}", "dim", markup=False, table_column=cut),
             console=self._rich,
+            expand=True,
             disable=quiet or not self._rich.is_terminal,
         )
 
     def __enter__(self) -> "Console":
         # Until packages are imported.
-        self._starting = [self._bars.add_task("Starting", total=None, detail="")]
+        self._starting = [self._bars.add_task("Starting", total=None, detail="", end=None)]
         self._bars.start()
         return self
 
@@ -77,6 +80,15 @@ class _PlainConsole(RichConsole):
         discard_output(self.file)
 
 
+class _TimeLeft(ProgressColumn):
+    """The time left, counted down between two reports."""
+
+    def render(self, task: Task) -> Text:
+        end = task.fields["end"]
+        left = "-:--:--" if end is None else timedelta(seconds=round(max(end - time.perf_counter(), 0.0)))
+        return Text(f"{left} left", style="progress.remaining")
+
+
 class Step:
     """One step of the work: long functions call its `progress`. Without a terminal it prints lines instead of a bar."""
 
@@ -84,16 +96,13 @@ class Step:
     """Shortest time between two lines of progress [s]; a log of an hour has at most 720 of them."""
     MIN_FRACTION = 0.02
     """Share of the work since the first report from which the remaining time is estimated."""
-    SKIPPED = 0.01, 0.5
-    """Share of the work in one report, and time since the one before [s], by which it was done before, if the first
-    ones are such: a resumed run does not do again what its folder has."""
 
     def __init__(self, title: str, bars: Progress, log: RichConsole | None):
         self.title, self._bars, self._log = title, bars, log
         self.seconds = 0.0  # wall time, known when the step has ended
-        self._task = bars.add_task(title, total=1.0, detail="")
+        self._task = bars.add_task(title, total=1.0, detail="", end=None)
         self._start = self._last_line = 0.0
-        self._begin = self._before = (0.0, -1.0)  # time and fraction of the first report, of that before
+        self._begin, self._known, self._before = 0.0, 0.0, 1.0  # first time and fraction, the one before
 
     def __enter__(self) -> "Step":
         self._start = self._last_line = time.perf_counter()
@@ -104,31 +113,23 @@ class Step:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.seconds = time.perf_counter() - self._start
         if error is None:
-            self._bars.update(self._task, completed=1.0, detail="")
+            self._bars.update(self._task, completed=1.0, detail="", end=self._start)
         if self._log and error is None:
             self._log.print(f"{self.title}: done in {self.seconds:.1f} s")
 
     def progress(self, message: str, fraction: float) -> None:
         """Show what is being done and the fraction done: the callback for the function that does the work."""
-        self._bars.update(self._task, completed=fraction, detail=message)
-        now = time.perf_counter()
-        self._follow(now, fraction)
-        if not self._log or now - self._last_line <= self.LOG_INTERVAL:
-            return
-        (begin, known), self._last_line, left = self._begin, now, ""
-        if fraction - known > self.MIN_FRACTION and fraction < 1:
-            left = f", about {(now - begin) * (1 - fraction) / (fraction - known):.0f} s left"
-        self._log.print(f"  {message} ({fraction:.0%}{left})")
-
-    def _follow(self, now: float, fraction: float) -> None:
-        """Note how far the work was when it began, anew where it goes back: what was done before takes no time now."""
-        (begin, known), (then, last) = self._begin, self._before
-        share, seconds = self.SKIPPED
-        if last < 0.0 or fraction < last:
-            begin, known = now, fraction
-        elif fraction - last > share and now - then < seconds and last - known <= share:
-            known += fraction - last
-        self._begin, self._before = (begin, known), (now, fraction)
+        now, left = time.perf_counter(), None
+        if fraction < self._before:  # the work begins, or goes back
+            self._begin, self._known = now, fraction
+        self._before, done = fraction, fraction - self._known
+        if done > self.MIN_FRACTION and fraction < 1:
+            left = (now - self._begin) * (1 - fraction) / done
+        self._bars.update(self._task, completed=fraction, detail=message, end=left and now + left)
+        if self._log and now - self._last_line > self.LOG_INTERVAL:
+            self._last_line = now
+            about = "" if left is None else f", about {left:.0f} s left"
+            self._log.print(f"  {message} ({fraction:.0%}{about})")
 
 
 def prepare_streams() -> None:

@@ -58,6 +58,8 @@ HALVES = ("arena", "other")  # Folders of both models: that of training, and tha
 RUN = "run"  # Folder of the evolution
 OUTPUTS = (*HALVES, RUN, PAGE)
 GENERATIONS = 30
+_MODELS, _WAY, _GENERATION, _JUDGING, _PAGE = 5.0, 4.0, 2.0, 4.0, 5.0
+"""How long the parts of a training take, relative to each other; how many generations the search takes it tells."""
 _SITE = 20.0  # Edge of the square of a larger scan that is used [m]: a Scout drives 10 m in 100 s
 _RIM = 1.0  # The ends of a way that lie so far within the part with most ground do not move it [m]
 _FEWEST = 100  # With fewer readings such a square holds no ground
@@ -186,23 +188,28 @@ def train(
     options = {"start": start, "goal": goal, "organism": None if organism is None else str(organism)}
     options["max_pieces"] = max_pieces
     _claim(folder, {"scan": _digest(site), "seed": seed, **options})
+    begun = length = _WAY + _JUDGING + _PAGE + (0.0 if (folder / RUN).exists() else _MODELS)
+
+    def search(message: str, share: float) -> None:
+        nonlocal length
+        length = begun + _GENERATION * GENERATIONS * share
+        progress(message, 1.0 - (_JUDGING + _PAGE) / length)
+
     with lock_folder(folder):
         ends = [place[:2] for place in (start, goal) if place is not None]
-        arenas = make_models(site, folder, seed, cover_part(progress, 0.02, 0.5), ends, max_pieces)
+        arenas = make_models(site, folder, seed, cover_part(progress, 0.02, 0.25), ends, max_pieces)
         verdict = arenas[0].verdict
         if verdict.answer == "no":
             raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
-        searching = cover_part(progress, 0.5, 0.75)  # most searches end in the first of their generations
-        run = evolve_or_resume(config, lambda message, share: searching(message, 1.0 - (1.0 - share) ** 4))
-        progress("judging the champion", 0.75)
+        run = evolve_or_resume(config, search)
+        progress("judging the champion", 1.0 - (_JUDGING + _PAGE) / length)
         second = "scan of it" if isinstance(site, sg.Arena) else "other half"
         known = {"training": arenas[0], second: arenas[1]} | ({} if truth is None else {"truth": truth})
         held = {name: judge_in(arena, run, seed, workers) for name, arena in known.items()}
         result = Training(folder, arenas[0], arenas[1], verdict, run, held, folder / PAGE)
-        progress("writing the page", 0.88)
-        judged_in = list(known.values())[-1]
-        write_train_page(result, judged_in, source, _format_options({**options, "seed": seed}))
+        judged_in, writing = list(known.values())[-1], cover_part(progress, 1.0 - _PAGE / length, 1.0)
+        write_train_page(result, judged_in, source, _format_options({**options, "seed": seed}), writing)
         progress("done", 1.0)
         return result
 

@@ -17,6 +17,7 @@ from evolution._src.report.figures import draw_learning_curve, draw_tracks, to_p
 from evolution._src.report.page import Page
 from evolution._src.report.scene import Scene
 from evolution._src.report.video import encode_video
+from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.range_checks import format_count, format_distance, format_share
 from symbrion_gym._src.arenas.verdict import ROBOT
 from symbrion_gym._src.contact.distances import find_nearest
@@ -30,13 +31,16 @@ _STEEP, _HIDING = 0.5, 0.8
 than tables and chairs do."""
 
 
-def write_train_page(result: Training, judged_in: sg.Arena, source: str, options: str) -> None:
+def write_train_page(
+    result: Training, judged_in: sg.Arena, source: str, options: str, progress: Progress
+) -> None:
     """Write the page of a training as one self-contained HTML file, with a film in the last arena that judges."""
     run, arena, config = result.run, result.arena, result.run.config
     champion = run.champion
     assert champion is not None
     goal = config.goal if isinstance(config.goal, tuple) else None
     speed = 5.0 if goal is None else 2.0  # a way takes a few seconds
+    progress("writing the page: film", 0.0)
     film = play(champion, judged_in, config.seed, film=True, speed=speed)
     body, where = format_count(champion.modules, "module"), list(result.held)[-1]
     organism = champion.find_organism()
@@ -58,6 +62,7 @@ def write_train_page(result: Training, judged_in: sg.Arena, source: str, options
     named = [f"({', '.join(f'{value:.2f}' for value in each)})" for each in places if isinstance(each, tuple)]
     route = _make_route(film.positions, organism.scout.size[2], goal)
     way = f"From {', then '.join(named)} [m]" if len(named) > 1 else "Across the gap"
+    progress("writing the page: plan", 0.4)
     size = " x ".join(f"{length:.3g}" for length in arena.surface.extents)
     page.add_section("The way", f"{way}; the model of training measures {size} m, the robot {ROBOT:g} m.")
     layers, ground, shown = ("surface", "route"), None, "the way that it drove"

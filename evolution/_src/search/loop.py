@@ -98,7 +98,7 @@ def resume(
         folder: folder of the run.
         simulate: the function that tries jobs; None means physics.
         on_generation: called with the run so far after each new generation.
-        progress: called with the progress of the run.
+        progress: called with the progress of what was left of the run.
         allow: modules of yours that the folder names and that may be imported; a folder runs no other code.
         changes: new values of `generations` (`iterations` of a search for bodies), `workers`, `backend`, `address` or
             `stop_when_solved`.
@@ -182,9 +182,7 @@ def confirm(
     """
     (candidates,) = as_integers("candidates", [candidates], 1, _MOST_CANDIDATES, RunError)
     if not run.results:
-        raise RunError(
-            "no body has learned yet, or a controller of yours was not allowed; resume the run, or read it with allow"
-        )
+        raise RunError("no body has learned yet, or its controller is not allowed; resume, or allow it")
     config, record, rules = run.config, run.record, validation or Validation()
     chosen = list_candidates(run.results)[:candidates]
     folder = None if run.folder is None else RunFolder(run.folder)
@@ -206,7 +204,7 @@ def confirm(
     blocks: list[int] = []
     with nullcontext() if folder is None else folder.lock():
         if folder and folder.read_record(config).num_generations != record.num_generations:
-            raise RunError(f"{run.folder} has changed since it was read; read it again by ev.load_run")
+            raise RunError(f"{run.folder} has changed since it was read; read it again")
         backend = make_backend(config.backend, config.workers, config.address, simulate or simulate_bodies)
         try:
             tried = rules.try_again(range(len(chosen)), attempt, tries)
@@ -342,15 +340,16 @@ class _Loop:
         return self._search.make_run(self._record, folder)
 
     def report(self, tried: int | None = None) -> None:
-        """Report progress after a generation, or within one after a number of its trials."""
+        """Report progress after a generation, or within one after a number of its trials; what is replayed was done."""
         done, length, due = self._record.num_generations, max(self._config.length, 1), self._search.due
+        begun, left = done - self._past.num_generations, length - self._past.num_generations
         if tried is None:
-            self._progress(f"{self._config.STEP} {done} of {length}", done / length)
+            self._progress(f"{self._config.STEP} {done} of {length}", begun / left)
         elif due:
             text = f"{self._config.STEP} {done + 1} of {length}: {tried} of {due} trials"
             if done:
                 text += f"; {self._record.history[-1]['successes']} succeeded in {self._config.STEP} {done}"
-            self._progress(text, (done + tried / due) / length)
+            self._progress(text, (begun + tried / due) / left)
 
     def _try(self, attempts: Sequence[Attempt]) -> list[Entry]:
         """Try genotypes, or take their outcomes from the record."""
