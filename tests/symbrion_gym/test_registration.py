@@ -29,7 +29,7 @@ def test_the_pit_is_the_default_one(arena):
 
 
 def test_a_pit_that_no_scan_has_is_refused():
-    with pytest.raises(ArenaError, match=r"its own pit; pit=0\.3"):
+    with pytest.raises(ArenaError, match=r"its own pit; 0\.3"):
         gym.make("symbrion_gym/SnakePit-v1", arena="gsrm", pit=0.3)
 
 

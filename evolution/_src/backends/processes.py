@@ -78,7 +78,7 @@ class ProcessBackend(WorkerPool[_Worker]):
             pass
         raise RunError(
             f"a worker process for {self._simulate} ended at its start (exit status {process.wait()}); "
-            "its error is printed above; backend='batch' needs no processes"
+            "its error is printed above; the backend 'batch' needs no processes"
         )
 
     def _submit(self, worker: _Worker, jobs: list[Job]) -> None:

@@ -186,7 +186,7 @@ def make_law(name: str, organism: "Organism", num_tracks: int = 0) -> OwnControl
     check_choice("controller", name, CONTROLLERS, RunError)
     if not organism.hinges and not num_tracks:
         raise RunError(
-            "a module alone has nothing to control; make its tracks part of the action: track_control='skid'"
+            "a module alone has nothing to control; make its tracks part of the action: track_control 'skid'"
         )
     body = find_joints(organism), make_drive(organism, num_tracks, GENE_BOUND), organism.scout.hinge_range
     if name == "oscillators":

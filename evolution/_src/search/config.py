@@ -79,7 +79,7 @@ class RunConfig(TrialConfig):
         if not (organism.hinges or tracks):
             raise RunError(
                 f"a body of {format_count(organism.num_modules, 'module')} has no hinge; {remedy}, or drive the "
-                "tracks, for example by track_control='skid'"
+                "tracks, by the option track_control of the environment: 'skid'"
             )
         must_be_found = self.must_be_restorable
         controller = refer_to_controller(self.controller, organism, tracks, must_be_found=must_be_found)

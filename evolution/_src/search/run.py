@@ -95,7 +95,7 @@ class RunFolder:
         if (self.path / CONFIG).exists():
             differences = self.read_config().differences(config)
             what = f"another run ({'; '.join(differences)})" if differences else "this run already"
-            remedy = f"ev.resume({str(self.path)!r}) goes on with it; or name another folder"
+            remedy = f"`symbrion resume {self.path}` goes on with it; or name another folder"
             raise RunError(f"{self.path} contains {what}; {remedy}")
         taken = [name for name in FILES if os.path.lexists(self.path / name)]
         if taken == [RECORD]:  # of a run that was killed before it had a `config.json`?

@@ -113,7 +113,7 @@ class Arena:
         if self.friction_map is not None:
             if self.kind in ("hfield", "mixed") and self.friction_map.patches:
                 raise ArenaError(
-                    f"the kind {self.kind!r} has one friction for all; build the arena with kind='convex' for patches"
+                    f"the kind {self.kind!r} has one friction for all; make the arena of the kind 'convex' for patches"
                 )
             object.__setattr__(self, "pieces", split_pieces(self.pieces, self.friction_map))
 

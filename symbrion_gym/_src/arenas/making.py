@@ -85,7 +85,7 @@ def _clip(friction: float) -> float:
 _MOST_VIEWPOINTS = 64  # As many positions of the scanner are kept with an arena, evenly spread over the scan
 _NO_COLORS = (
     "images of environments and MuJoCo's viewer show an arena of the kind 'mixed' without its colors, which "
-    "`symbrion view` and cameras do see; kind='convex' shows them everywhere"
+    "`symbrion view` and cameras do see; the kind 'convex' shows them everywhere"
 )
 
 logger = logging.getLogger(__name__)
@@ -253,7 +253,7 @@ def load_arena(
         ArenaError: there is no such arena, or none with such a pit.
     """
     if pit is not None and (course is not None or name not in ("truth", "simple")):
-        raise ArenaError(f"pit={pit} is an option of truth and simple, without a course")
+        raise ArenaError(f"a pit of {pit} is an option of truth and simple, without a course")
     if name in ("truth", "simple", "stairs"):
         default = StairsCourse() if name == "stairs" else Course() if pit is None else Course(pit=pit)
         exact = Arena.from_course(course or default, str(name))

@@ -235,7 +235,7 @@ class SceneRenderer:
 
     def _render_window(self) -> None:
         if not has_display():
-            self._warn_once("no display: the window is left out; render_mode='rgb_array' works without one")
+            self._warn_once("no display: the window is left out; images (rgb_array) and films need none")
             return
         if self._window is None:
             from mujoco import viewer
@@ -245,9 +245,7 @@ class SceneRenderer:
                     self._model, self._data, show_left_ui=False, show_right_ui=False
                 )
             except RuntimeError as error:  # on macOS the window needs MuJoCo's own interpreter, mjpython
-                self._warn_once(
-                    f"the window is left out ({error}); render_mode='rgb_array' works without one"
-                )
+                self._warn_once(f"the window is left out ({error}); images (rgb_array) and films need none")
                 return
             with self._window.lock():
                 self._window.opt.geomgroup[:] = self._option.geomgroup

@@ -54,8 +54,8 @@ def find_arena(config: EnvironmentConfig) -> Arena:
     found = arena if isinstance(arena, Arena) else load_arena(arena, progress=progress)
     if config.pit is not None and getattr(found.course, "pit", None) != config.pit:
         raise ArenaError(
-            f"the pit of arena {found.name!r} cannot be set to {config.pit}, as it has its own pit; pit={config.pit} "
-            "works with the courses made in code: truth, simple"
+            f"the pit of arena {found.name!r} cannot be set to {config.pit}, as it has its own pit; {config.pit} works "
+            "with the courses made in code: truth, simple"
         )
     return found
 
@@ -65,7 +65,7 @@ def _make_course_arena(name: str, config: EnvironmentConfig) -> Arena:
     kind = "stairs" if name == "stairs" else "pit"
     pit = config.default_pit if config.pit is None else config.pit
     if kind == "stairs" and config.pit is not None:
-        raise ArenaError(f"arena 'stairs' has no pit; leave out pit={config.pit}")
+        raise ArenaError(f"arena 'stairs' has no pit; leave out the option pit, {config.pit}")
     sizes = {"kind": kind, **asdict(COURSES[kind]()), **config.default_course.get(name, {}), **config.course}
     if kind == "pit" and pit is not None:
         sizes["pit"] = pit

@@ -93,7 +93,7 @@ def survey(
         )
     if friction and known is None:
         raise SurveyError(
-            "friction is felt on an Arena, a named arena or its folder; a mesh has none: make_arena(mesh, friction=...)"
+            "friction is felt on an Arena, a named arena or its folder; a mesh has none, an arena made of it has"
         )
     robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
     bounds = np.asarray(surface.bounds, float)

@@ -50,7 +50,7 @@ def find_field(arena: Arena, length: int = 8, needs_pit: bool = True) -> Field:
     route = find_route(arena, body, "floor")
     if route.pit is None and needs_pit:
         raise ArenaError(
-            f"arena {arena.name!r} has no pit; a swarm needs one to cross: take 'gsrm' or 'truth', or task='assemble'"
+            f"arena {arena.name!r} has no pit for a swarm to cross: take 'gsrm' or 'truth', or the task 'assemble'"
         )
     x, y = arena.surface.vertices[:, 0], arena.surface.vertices[:, 1]
     s = x * route.direction[0] + y * route.direction[1]
@@ -97,7 +97,7 @@ def _pack(
             return np.column_stack([places[chosen], rng.uniform(-np.pi, np.pi, num_robots)])
     raise ArenaError(
         f"there is room for {len(places)} robots at the start of the way in {world.arena.name!r}, not for "
-        f"{num_robots}; take fewer, or give options={{'poses': ...}}"
+        f"{num_robots}; take fewer, or give their poses"
     )
 
 

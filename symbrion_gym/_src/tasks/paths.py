@@ -49,7 +49,7 @@ def find_path(
     """Find the path from the start over drivable ground through places in turn; without any, to one that is chosen, at
     most a distance away [m]."""
     if start.place == "pit":
-        raise ArenaError("a path does not start before a pit; give start='floor' or (x, y)")
+        raise ArenaError("a path does not start before a pit; start on the 'floor' or at (x, y)")
     ground = find_ground_map(arena, organism)
     here: Place | None = None if isinstance(start.place, str) else start.place
     heading: float | None = None

@@ -168,7 +168,7 @@ def find_route(
             )
     if isinstance(start, str) and start == "pit":
         raise ArenaError(
-            f"arena {arena.name!r} has no known pit to start before ({reason}); use start='floor' or (x, y)"
+            f"arena {arena.name!r} has no known pit to start before ({reason}); start on the 'floor' or at (x, y)"
         )
     route = _follow_surface(arena, organism, start, goal)
     if isinstance(start, str) or goal is not None or route.start_height is not None:
@@ -186,7 +186,7 @@ def _follow_course(arena: Arena, organism: Organism, start: str) -> Route:
     assert course is not None
     if isinstance(course, StairsCourse):
         if start == "pit":
-            raise ArenaError("stairs have no pit to start before; use start='floor'")
+            raise ArenaError("stairs have no pit to start before; start on the 'floor'")
         begin, end = -_BEFORE_FOOT, (course.steps - 1) * course.run
     else:
         near, far = course.pit_edges
@@ -217,7 +217,7 @@ def make_route(
     place, lateral = start.place, way.lateral
     if isinstance(place, str):
         if place == "pit" and pit is None:
-            raise ArenaError(f"the way in arena {arena.name!r} has no pit; give start='floor' or (x, y)")
+            raise ArenaError(f"the way in arena {arena.name!r} has no pit; start on the 'floor' or at (x, y)")
         begin = foot - _BEFORE_FOOT if place == "floor" or pit is None else pit[0] - _BEFORE_PIT
         room = find_tail(organism) + organism.scout.size[0] / 2 + _NOSE
         begin = max(begin - organism.scout.arm_reach, way.begin + room)

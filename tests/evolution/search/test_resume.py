@@ -116,7 +116,7 @@ def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(run, tmp
         progress=lambda *each: reported.append(each),
     )
     assert called == [(4, tmp_path), (5, tmp_path)]
-    assert reported == [("generation 4 of 5", 0.8), ("generation 5 of 5", 1.0)]
+    assert reported == [("generation 4 of 5", 0.5), ("generation 5 of 5", 1.0)]  # of what was left
     times = again.history["wall_seconds"]
     assert np.array_equal(times[:3], run.history["wall_seconds"])
     assert np.all(np.diff(times) >= 0)
@@ -125,10 +125,10 @@ def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(run, tmp
 
 def test_evolve_names_the_differences_to_an_existing_run(run, tmp_path):
     for changes, message in (
-        ({}, r"contains this run already; ev.resume\(.* goes on with it; or name another folder"),
+        ({}, r"contains this run already; `symbrion resume \S+` goes on with it; or name another folder"),
         (
             {"seed": 1, "sigma": 0.2},
-            r"contains another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); ev.resume",
+            r"contains another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); `symbrion resume",
         ),
     ):
         with pytest.raises(RunError, match=message):

@@ -75,5 +75,5 @@ def test_no_corner_of_the_truth_is_in_the_meshes(name, pit):
 )
 def test_only_arenas_made_in_code_have_a_pit_of_choice(name, course):
     assert load_arena("truth", pit=0.3).course == Course(pit=0.3)
-    with pytest.raises(ArenaError, match=r"pit=0\.3 is an option of"):
+    with pytest.raises(ArenaError, match=r"pit of 0\.3 is an option of"):
         load_arena(name, course, 0.3)

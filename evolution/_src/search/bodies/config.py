@@ -149,7 +149,7 @@ class BodyEvolutionConfig(RunConfig):
             )
         super().__post_init__()
         coerce_integers(self, {"iterations": (0, MAX_GENERATIONS)}, RunError)
-        self._check_control(self.make_organism(make_row(self.bodies.smallest)), "begin at smallest=2")
+        self._check_control(self.make_organism(make_row(self.bodies.smallest)), "begin at 2 modules")
 
     def make_organism(self, body: BodyGenome) -> Organism:
         """Return a body of the modules of this search."""

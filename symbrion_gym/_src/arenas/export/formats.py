@@ -208,7 +208,7 @@ def format_urdf(content: Content) -> dict[str, bytes]:
     if content.geometry.height_field is not None:
         raise ArenaError(
             f"arena {content.geometry.name!r} is a height field, which URDF does not have; "
-            "export it to mjcf, usd or obj, or make it again with kind='convex'"
+            "export it to mjcf, usd or obj, or make it again of the kind 'convex'"
         )
     add, friction = ElementTree.SubElement, f"{content.geometry.friction:g}"
     files, robot = (
