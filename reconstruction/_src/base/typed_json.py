@@ -8,7 +8,6 @@ import dataclasses
 import json
 import math
 import os
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,10 +19,6 @@ from reconstruction._src.base.printable import make_printable
 
 MAX_FILE_BYTES = 64 * 2**20  # Largest file read; those that this project writes have some kilobytes
 MAX_DEPTH = 50  # Most levels of nesting; files of this project have six
-_TOKEN = re.compile(
-    r'"(?P<string>(?:[^"\\]|\\.)*+)"?\s*+(?P<is_name>:)?|(?P<open>[\[{])|(?P<close>[\]}])', re.DOTALL
-)
-"""Takes time and memory in proportion to the text, also of a string that never ends."""
 
 T = TypeVar("T")
 
@@ -52,12 +47,11 @@ def read_json(path: str | os.PathLike[str]) -> Any:
 
 def parse_json(text: str) -> Any:
     """Return JSON text as plain content."""
-    _refuse_deep(text)
     try:
         content = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise JsonError(f"cannot be read as JSON ({error})") from error
-    _refuse_non_finite(content, "")
+    _check(content)
     return content
 
 
@@ -97,27 +91,15 @@ def _refuse_unknown(content: Any, value: Any, where: str) -> None:
             _refuse_unknown(inner, each, f"{where}[{index}]")
 
 
-def _refuse_deep(text: str) -> None:
-    """Refuse what would exhaust the stack of a parser; the message names the last field on the way down."""
-    depth, name = 0, ""
-    for token in _TOKEN.finditer(text):
-        if token["open"]:
-            depth += 1
-            if depth > MAX_DEPTH:
-                raise JsonError(f"{name or 'it'} is nested deeper than {MAX_DEPTH} levels")
-        elif token["close"]:
-            depth -= 1
-        elif token["is_name"]:
-            name = token["string"]
-
-
-def _refuse_non_finite(content: Any, where: str) -> None:
-    """Refuse NaN and infinities, which Python reads and JSON does not have."""
+def _check(content: Any, where: str = "", depth: int = 0) -> None:
+    """Refuse NaN and infinities, which Python reads and JSON does not have, and what would exhaust a stack."""
+    if depth > MAX_DEPTH:
+        raise JsonError(f"{where} is nested deeper than {MAX_DEPTH} levels")
     if isinstance(content, dict):
         for name, inner in content.items():
-            _refuse_non_finite(inner, f"{where}.{name}".lstrip("."))
+            _check(inner, f"{where}.{name}".lstrip("."), depth + 1)
     elif isinstance(content, list):
         for index, inner in enumerate(content):
-            _refuse_non_finite(inner, f"{where}[{index}]")
+            _check(inner, f"{where}[{index}]", depth + 1)
     elif isinstance(content, float) and not math.isfinite(content):
         raise JsonError(f"{where or 'it'} is {content}; a finite number is needed")
