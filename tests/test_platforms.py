@@ -18,7 +18,6 @@ from evolution._src.cli.command import UsageError, require_writable_folder
 from evolution._src.cli.console import is_unread
 from evolution._src.report.body_page import describe_machine
 from reconstruction._src.base.atomic_write import write_atomically
-from reconstruction._src.base.cache import CACHE_VARIABLE, find_cache_folder
 from symbrion_gym._src import headless
 from symbrion_gym._src.environment.rendering import SceneRenderer
 
@@ -165,18 +164,6 @@ def test_elsewhere_a_refused_rename_is_refused_at_once(
         beside.write_text("new")
     assert len(attempts) == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_cache_without_user_ids(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(os, "getuid")
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
-    (tmp_path / "file").write_text("in the way")
-    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
-    assert (
-        find_cache_folder("arenas")
-        == find_cache_folder("arenas")
-        == tmp_path / "symbrion-gym-user" / "arenas"
-    )
 
 
 def test_a_drive_that_does_not_exist_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
