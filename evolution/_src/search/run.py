@@ -118,12 +118,6 @@ class RunFolder:
             content["resumes"] = _IN_DISTRIBUTION
         self._replace(CONFIG, _to_json(content | {"config": config.to_json()}))
 
-    def remove(self) -> None:
-        """Remove the files of a run, and nothing else. Call it only with the lock."""
-        for name in reversed(FILES):
-            (self.path / name).unlink(missing_ok=True)
-        self._remove_leftovers()
-
     def read_config(self) -> EvolutionConfig | BodyEvolutionConfig:
         """Read `config.json`."""
         if not (self.path / CONFIG).exists():

@@ -231,13 +231,6 @@ def test_a_kill_at_any_moment_leaves_a_run_that_can_be_begun_or_resumed(tmp_path
         assert {path.name for path in folder.iterdir()} - {".lock"} == set(FILES)
 
 
-def test_removing_a_run_leaves_what_is_not_its_own(folder):
-    (folder / "notes.txt").write_text("mine")
-    for _ in range(2):
-        RunFolder(folder).remove()
-        assert {path.name for path in folder.iterdir()} - {".lock"} == {"notes.txt"}
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_a_run_folder_leads_nowhere_else(folder, tmp_path, name):
     """Somebody else's folder may hold links to anything."""
