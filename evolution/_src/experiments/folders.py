@@ -16,9 +16,8 @@ from evolution._src.search.cmaes import Run
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, resume
 from evolution._src.search.run import RunFolder
-from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.progress import Progress
-from reconstruction._src.base.typed_json import JsonError, read_json
+from reconstruction._src.base.typed_json import JsonError, read_json, write_json
 
 Track = Callable[[str], AbstractContextManager[Any]]  # Starts a step with a title, which has a `progress`
 
@@ -67,11 +66,6 @@ def lock_folder(folder: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write content as a JSON file, atomically."""
-    write_file(path, f"{json.dumps(content, indent=2)}\n".encode())
 
 
 def evolve_or_resume(config: EvolutionConfig, progress: Progress) -> Run:

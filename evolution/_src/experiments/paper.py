@@ -27,7 +27,7 @@ import symbrion_gym as sg
 from evolution._src.champions.playback import ChampionPolicy, Recording, judge, play
 from evolution._src.controllers.controller import make_controller
 from evolution._src.errors import RunError
-from evolution._src.experiments.folders import Track, evolve_or_resume, write_json
+from evolution._src.experiments.folders import Track, evolve_or_resume
 from evolution._src.report.body_page import describe_machine
 from evolution._src.report.video import encode_video
 from evolution._src.search.cmaes import Run
@@ -36,7 +36,7 @@ from evolution._src.search.loop import load_run
 from evolution._src.search.run import load_champion
 from evolution._src.search.validation import Champion
 from reconstruction._src.base.atomic_write import write_atomically, write_file
-from reconstruction._src.base.typed_json import JsonError, read_json
+from reconstruction._src.base.typed_json import JsonError, read_json, write_json
 from reconstruction._src.surfaces.quality import compute_distances
 from symbrion_gym._src.contact.quality import measure_arena
 from symbrion_gym._src.sensing.survey import SPACING

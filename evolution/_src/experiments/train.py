@@ -26,7 +26,6 @@ from evolution._src.experiments.folders import (
     evolve_or_resume,
     lock_folder,
     refuse_foreign_files,
-    write_json,
 )
 from evolution._src.experiments.training import TRIALS, Training
 from evolution._src.search.cmaes import Run
@@ -35,6 +34,7 @@ from evolution._src.search.validation import Validation
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_extents
+from reconstruction._src.base.typed_json import write_json
 from reconstruction._src.geometry.sampling import SQUARE, TALLEST, find_low, sample_area
 from reconstruction._src.surfaces.far_faces import select_faces
 from symbrion_gym._src.arenas.saving import ABOUT

@@ -12,7 +12,6 @@ atomically after each generation; the files below are derived from it. Reading a
 
 import csv
 import io
-import json
 import os
 import platform
 from collections.abc import Iterable, Iterator
@@ -32,7 +31,7 @@ from evolution._src.search.config import EvolutionConfig, RunConfig
 from evolution._src.search.record import HISTORY, Record
 from evolution._src.search.validation import Champion
 from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
-from reconstruction._src.base.typed_json import JsonError, read_json
+from reconstruction._src.base.typed_json import JsonError, format_json, read_json
 
 CONFIG, RECORD, HISTORY_FILE, CHAMPION, TABLE = FILES = (
     "config.json",
@@ -116,7 +115,7 @@ class RunFolder:
             content["kind"] = _BODIES
         if config.backend == "warp":  # this stays when the run goes on elsewhere
             content["resumes"] = _IN_DISTRIBUTION
-        self._replace(CONFIG, _to_json(content | {"config": config.to_json()}))
+        self._replace(CONFIG, format_json(content | {"config": config.to_json()}))
 
     def read_config(self) -> EvolutionConfig | BodyEvolutionConfig:
         """Read `config.json`."""
@@ -137,7 +136,7 @@ class RunFolder:
         rows = ([value.item() for value in row] for row in run.history)
         self._replace(HISTORY_FILE, format_table(HISTORY.names or (), rows))
         if run.champion is not None:
-            self._replace(CHAMPION, _to_json(run.champion.to_json()))
+            self._replace(CHAMPION, format_json(run.champion.to_json()))
         if isinstance(run, BodyRun):
             self._replace(TABLE, format_table(_TABLE_COLUMNS, map(_describe, run.results)))
 
@@ -215,10 +214,6 @@ def _describe(result: LevelResult) -> list[Any]:
     body = result.body
     measures = (getattr(result, name) for name in _TABLE_COLUMNS[3:])
     return [body.text, body.to_plan(), body.num_modules, *measures]
-
-
-def _to_json(content: dict[str, Any]) -> bytes:
-    return (json.dumps(content, indent=2) + "\n").encode()
 
 
 def describe_origin() -> dict[str, Any]:

@@ -3,7 +3,6 @@
 A file is filled entry by entry, so that a run that was stopped goes on. What it is worth the exam finds out.
 """
 
-import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,9 +14,8 @@ from evolution._src.backends.settings import read_organism
 from evolution._src.controllers.finding import check_genotype, find_controller
 from evolution._src.errors import RunError
 from evolution._src.suite.tasks import BUDGET, SEEDS, VERSION, SuiteTask, find_suite_task
-from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.base.typed_json import JsonError, as_type, read_json
+from reconstruction._src.base.typed_json import JsonError, as_type, read_json, write_json
 from symbrion_gym._src.environment.config import count_tracks
 from symbrion_gym._src.robot.body_plans import organism_to_text
 
@@ -72,9 +70,7 @@ class Submission:
 
     def save(self, path: Path) -> None:
         """Write the file."""
-        content = {"format": FORMAT} | asdict(self)
-        with write_atomically(path) as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_json(path, {"format": FORMAT} | asdict(self))
 
 
 def load_submission(path: Path) -> Submission:

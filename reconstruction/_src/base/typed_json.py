@@ -1,4 +1,4 @@
-"""JSON from outside, read strictly: finite numbers, bounded nesting, typed fields.
+"""JSON, written and read strictly: finite numbers, bounded nesting, typed fields.
 
 Two steps: `read_json` reads a file as plain content, `as_type` turns content into a dataclass or another
 type. Messages name the field; the caller adds the file and the remedy.
@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.errors import ReconstructionPackageError
 from reconstruction._src.base.printable import make_printable
 
@@ -28,6 +29,16 @@ class JsonError(ReconstructionPackageError, ValueError):
 
     def __init__(self, message: str) -> None:
         super().__init__(make_printable(message))
+
+
+def format_json(content: Any) -> bytes:
+    """Return strict JSON."""
+    return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a file of strict JSON, atomically."""
+    write_file(path, format_json(content))
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:

@@ -1,6 +1,5 @@
 """The folder of a tiled surface: one file a tile, and `tiles.json` with what belongs together."""
 
-import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +10,10 @@ import trimesh
 from jaxtyping import Float, Int, UInt8
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.atomic_write import find_leftovers, write_atomically, write_file
+from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.base.typed_json import JsonError, read_json
+from reconstruction._src.base.typed_json import JsonError, read_json, write_json
 from reconstruction._src.tiles.point_stream import MOST_PLACE, Place
 from reconstruction._src.tiles.seams import Surface
 
@@ -109,8 +108,7 @@ def claim_folder(folder: Path) -> None:
 
 def write_index(folder: Path, content: dict[str, Any]) -> None:
     """Write `tiles.json`."""
-    text = json.dumps({"format": FORMAT, **content}, indent=1, allow_nan=False)
-    write_file(folder / INDEX, f"{text}\n".encode())
+    write_json(folder / INDEX, {"format": FORMAT, **content})
 
 
 def write_surface(

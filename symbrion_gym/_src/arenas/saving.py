@@ -6,7 +6,6 @@ and `arena.json` after them, and what it no longer names is removed last. Export
 """
 
 import io
-import json
 import os
 import re
 from collections.abc import Iterable, Set
@@ -18,7 +17,7 @@ import numpy as np
 
 from reconstruction._src.base.atomic_write import find_leftovers, write_file
 from reconstruction._src.base.bounded_read import read_npz
-from reconstruction._src.base.typed_json import JsonError, as_type, read_json
+from reconstruction._src.base.typed_json import JsonError, as_type, read_json, write_json
 from symbrion_gym._src.arenas.checks import (
     check_friction,
     check_height_field,
@@ -91,16 +90,6 @@ class FileOwner(NamedTuple):
 def _is_inside(folder: Path, name: str) -> bool:
     """Return whether a name leads to that place in the folder, and by no link elsewhere."""
     return Path(os.path.realpath(folder / name)) == Path(os.path.realpath(folder), name)
-
-
-def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write a file of strict JSON."""
-    write_file(path, format_json(content))
-
-
-def format_json(content: dict[str, Any]) -> bytes:
-    """Return strict JSON."""
-    return (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
 
 
 def format_arrays(arrays: dict[str, np.ndarray]) -> bytes:

@@ -16,10 +16,10 @@ from kills import kill_at_each_moment
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.cli.main import run
-from evolution._src.experiments.folders import write_json
 from evolution._src.experiments.paper import OUTPUTS
 from evolution._src.experiments.train import OUTPUTS as TRAIN_OUTPUTS
 from evolution._src.report.page import Page
+from reconstruction._src.base.typed_json import write_json
 
 
 def put_user_file(folder, name):

@@ -21,6 +21,7 @@ from evolution._src.cli.scan_source import Box, FrameCommand, check_box, crop_cl
 from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count
+from reconstruction._src.base.typed_json import write_json
 
 _STORY_COLUMNS = {
     "seed": "seed",
@@ -257,7 +258,7 @@ class Paper(Experiment):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion paper`", "scan", "report")
-        from evolution._src.experiments.folders import claim_folder, lock_folder, write_json
+        from evolution._src.experiments.folders import claim_folder, lock_folder
         from evolution._src.experiments.paper import MARKER, OUTPUTS, run_experiments
         from evolution._src.experiments.paper_page import write_paper_page
 

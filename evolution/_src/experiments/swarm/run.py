@@ -11,7 +11,7 @@ import numpy as np
 import symbrion_gym as sg
 from evolution._src.errors import RunError
 from evolution._src.experiments.folders import Track as Steps
-from evolution._src.experiments.folders import claim_folder, evolve_or_resume, write_json
+from evolution._src.experiments.folders import claim_folder, evolve_or_resume
 from evolution._src.experiments.swarm.story import Figures, StoryConfig, tell_story
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.run import load_champion
@@ -19,7 +19,7 @@ from evolution._src.search.validation import Champion
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.bounded_read import read_npz
 from reconstruction._src.base.progress import Progress
-from reconstruction._src.base.typed_json import JsonError, as_type, read_json
+from reconstruction._src.base.typed_json import JsonError, as_type, read_json, write_json
 from symbrion_gym._src.swarm.behavior.machine import Track
 from symbrion_gym._src.swarm.behavior.memory import Mode
 

@@ -11,10 +11,11 @@ import trimesh
 from jaxtyping import Float
 
 from reconstruction._src.base.atomic_write import write_file
+from reconstruction._src.base.typed_json import format_json, write_json
 from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.arenas.export.formats import FORMATS, Content, make_content
 from symbrion_gym._src.arenas.placed_objects import describe_objects
-from symbrion_gym._src.arenas.saving import FileOwner, format_arrays, format_json, remove_files, write_json
+from symbrion_gym._src.arenas.saving import FileOwner, format_arrays, remove_files
 from symbrion_gym._src.arenas.spec import ArenaGeometry
 from symbrion_gym._src.errors import ArenaError
 
