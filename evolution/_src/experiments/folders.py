@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
-
-import filelock
 
 from evolution._src.errors import RunError
 from evolution._src.search.cmaes import Run
@@ -52,20 +50,6 @@ def refuse_foreign_files(folder: Path, marker: str, names: Iterable[str]) -> Non
             f"{folder} contains {', '.join(existing)}, which would be overwritten, but no {marker} to show that this "
             "command wrote them; name another folder, or move them"
         )
-
-
-@contextmanager
-def lock_folder(folder: Path) -> Iterator[None]:
-    """Lock a folder against other writers."""
-    lock = filelock.FileLock(folder / ".lock")
-    try:
-        lock.acquire(timeout=0)
-    except filelock.Timeout:
-        raise RunError(f"{folder} is being written by another run; wait, or name another folder") from None
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 def evolve_or_resume(config: EvolutionConfig, progress: Progress) -> Run:

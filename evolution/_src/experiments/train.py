@@ -21,15 +21,11 @@ import symbrion_gym as sg
 from evolution._src.backends.settings import Randomization, read_organism
 from evolution._src.champions.playback import judge
 from evolution._src.errors import RunError
-from evolution._src.experiments.folders import (
-    claim_folder,
-    evolve_or_resume,
-    lock_folder,
-    refuse_foreign_files,
-)
+from evolution._src.experiments.folders import claim_folder, evolve_or_resume, refuse_foreign_files
 from evolution._src.experiments.training import TRIALS, Training
 from evolution._src.search.cmaes import Run
 from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.run import lock_folder
 from evolution._src.search.validation import Validation
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent

@@ -33,7 +33,7 @@ from evolution._src.report.raster import (
 )
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.arenas.spec import make_piece_colors
-from symbrion_gym._src.arenas.viewing import place_modules
+from symbrion_gym._src.arenas.viewing import LAYERS, place_modules
 from symbrion_gym._src.contact.quality import RayMesh
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
@@ -77,7 +77,6 @@ def add_scale(axes: Axes, view: View) -> None:
     axes.grid(color="black", alpha=0.18, linewidth=0.6)
 
 
-LAYERS = ("surface", "contact", "drivable", "route")  # What can be drawn
 FROM_ABOVE = (90.0, -90.0)  # Of the camera of the plan: x to the right, y up
 _MARGIN = 100  # Beside a plan, for its coordinates [pixel]
 PLAN_SHARE = 0.7  # Width of the plan, relative to that of both pictures side by side
@@ -208,10 +207,8 @@ def _color_pixels(arena: sg.Arena, pixels: Pixels, view: View) -> Picture | Floa
     rows, columns = np.nonzero(pixels.face >= 0)
     face = pixels.face[rows, columns]
     places = view.find_points(columns, rows, pixels.height[rows, columns])
-    weights = trimesh.triangles.points_to_barycentric(np.asarray(arena.surface.triangles)[face], places)
-    weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
     colors = np.ones((*pixels.face.shape, 3))
-    colors[rows, columns] = arena.texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
+    colors[rows, columns] = arena.texture.find_colors(arena.surface, face, places)
     return colors
 
 

@@ -50,6 +50,25 @@ _IN_DISTRIBUTION = (
 _PACKAGES = ("symbrion-gym", "numpy", "cma", "mujoco", "gymnasium", "coacd")
 
 
+@contextmanager
+def lock_folder(folder: Path) -> Iterator[None]:
+    """Lock a folder, made where there is none, against other writers; the lock ends with its process."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = filelock.FileLock(folder / LOCK)
+        lock.acquire(timeout=0)
+    except filelock.Timeout as error:
+        raise RunError(
+            f"{folder} is being written by another run; wait for it or name another folder"
+        ) from error
+    except OSError as error:
+        raise RunError(f"{folder} cannot be written ({error}); name another folder") from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
 class RunFolder:
     """Reader and writer of the folder of a run."""
 
@@ -59,24 +78,12 @@ class RunFolder:
     @contextmanager
     def lock(self) -> Iterator[None]:
         """Lock the folder against other writers; the lock ends with its process."""
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            lock = filelock.FileLock(self.path / LOCK)
-            lock.acquire(timeout=0)
-        except filelock.Timeout as error:
-            raise RunError(
-                f"{self.path} is being written by another run; wait for it or name another folder"
-            ) from error
-        except OSError as error:
-            raise RunError(f"{self.path} cannot be written ({error}); name another folder") from error
-        try:
+        with lock_folder(self.path):
             for name in FILES:  # a folder of unknown origin may contain links to anything
                 if (self.path / name).is_symlink():
                     raise RunError(f"{self.path / name} is a link; put the file itself there")
             self._remove_leftovers()
             yield
-        finally:
-            lock.release()
 
     def has_run(self) -> bool:
         """Return whether a run has begun here."""

@@ -134,9 +134,12 @@ class SurfaceTexture(NamedTuple):
     uv: Float[np.ndarray, "F 3 2"]
 
     def find_colors(
-        self, face: Int[np.ndarray, " N"], weights: Float[np.ndarray, "N 3"]
+        self, mesh: trimesh.Trimesh, face: Int[np.ndarray, " N"], places: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
-        """Return the colors (0 to 1) of places on faces, between texels as a renderer takes them."""
+        """Return the colors (0 to 1) of places on faces of its mesh [m], between texels as a renderer takes them."""
+        weights = trimesh.triangles.points_to_barycentric(np.asarray(mesh.triangles)[face], places)
+        weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
+        weights /= weights.sum(axis=1, keepdims=True)
         height, width = self.image.shape[:2]
         u, v = np.einsum("nk,nki->in", weights, self.uv[face])
         at = np.stack([(1.0 - v) * height - 0.5, u * width - 0.5])
@@ -217,9 +220,7 @@ def find_surface_colors(
             "the arena has no colors; make it of a colored scan or mesh, or of a Course with a color_pattern"
         )
     _, face, nearest = find_nearest(positions, np.asarray(surface.vertices), np.asarray(surface.faces))
-    weights = trimesh.triangles.points_to_barycentric(np.asarray(surface.triangles)[face], nearest)
-    weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
-    return texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
+    return texture.find_colors(surface, face, nearest)
 
 
 LIT_COLOR = (0.8, 0.8, 0.8, 1.0)

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from evolution._src.errors import RunError
-from evolution._src.experiments.folders import claim_folder, lock_folder, refuse_foreign_files
+from evolution._src.experiments.folders import claim_folder, refuse_foreign_files
+from evolution._src.search.run import lock_folder
 
 OUTPUTS = ("film.mp4",)
 

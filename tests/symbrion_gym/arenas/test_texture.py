@@ -74,8 +74,8 @@ def test_a_texel_shows_the_place_that_its_corners_say():
 
 def test_a_painted_texture_has_the_colors_everywhere():
     mesh = make_ground()
-    face, weights, places = sample(mesh)
-    found = paint_texture(mesh, paint, texel=0.02).find_colors(face, weights)
+    face, _, places = sample(mesh)
+    found = paint_texture(mesh, paint, texel=0.02).find_colors(mesh, face, places)
     assert found == pytest.approx(paint(places), abs=0.01)
 
 

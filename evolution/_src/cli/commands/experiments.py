@@ -258,9 +258,10 @@ class Paper(Experiment):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion paper`", "scan", "report")
-        from evolution._src.experiments.folders import claim_folder, lock_folder
+        from evolution._src.experiments.folders import claim_folder
         from evolution._src.experiments.paper import MARKER, OUTPUTS, run_experiments
         from evolution._src.experiments.paper_page import write_paper_page
+        from evolution._src.search.run import lock_folder
 
         report = self.out / "report.html"
         claim_folder(self.out, MARKER, {"quick": self.quick, "seed": self.seed}, OUTPUTS)
