@@ -57,7 +57,7 @@ def test_a_saved_network_is_the_same_network(ground, tmp_path):
 
 
 def test_options_and_viewpoint_survive_saving(tmp_path):
-    result = reconstruct(make_ground(), "gg", triangles=60, insertion="distant", viewpoints=[0, 0, 2])
+    result = reconstruct(make_ground(), "gg", triangles=60, mode="paper", viewpoints=[0, 0, 2])
     result.save(tmp_path / "a.npz")
     loaded = Reconstruction.load(tmp_path / "a.npz")
     assert loaded.config == result.config

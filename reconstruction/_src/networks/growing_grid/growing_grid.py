@@ -24,7 +24,6 @@ from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.rows import Faces, Points, Vertices, compute_lengths, sum_rows
 from reconstruction._src.networks.growing_grid import paper as grid_paper
 from reconstruction._src.networks.growing_grid.growth import (
-    Insertion,
     choose_lines,
     choose_shape,
     insert_lines,
@@ -74,16 +73,11 @@ class GrowingGridConfig:
     Attributes:
         units: units wanted; the grid ends with rows x columns as near to it as whole lines allow.
         triangles: triangles wanted instead: 2 (rows - 1) (columns - 1).
-        insertion: where a line goes; None: "longest" in batches, "counter" in paper mode. "longest": where
-            the mean edge across is longest; "counter": between the unit that won most and its neighbor that
-            won most (the paper's); "distant": between the unit that won most and its farthest neighbor
-            (Fritzke's, and what "longest" means in paper mode).
         mode: "batch", or "paper" for the sequential rules.
     """
 
     units: int = 2200
     triangles: int | None = None
-    insertion: Insertion | None = None
     mode: Literal["batch", "paper"] = "batch"
 
     def __post_init__(self) -> None:
@@ -91,17 +85,8 @@ class GrowingGridConfig:
             raise ReconstructionError(f"triangles must be at least 2, got {self.triangles}")
         if self.units < 4:
             raise ReconstructionError(f"units must be at least 4 (a grid of 2 x 2), got {self.units}")
-        if self.insertion not in (None, "longest", "counter", "distant"):
-            raise ReconstructionError(
-                f"insertion must be 'longest', 'counter' or 'distant', got {self.insertion!r}"
-            )
         if self.mode not in ("batch", "paper"):
             raise ReconstructionError(f"mode must be 'batch' or 'paper', got {self.mode!r}")
-
-    @property
-    def rule(self) -> Insertion:
-        """The insertion rule: the one asked for, or the mode's own."""
-        return self.insertion or ("longest" if self.mode == "batch" else "counter")
 
     @property
     def wanted_units(self) -> int:
@@ -148,7 +133,7 @@ def train(
     is_movable = None if start is None else start.is_movable
     tiles = None
     if config.mode == "paper":
-        units = grid_paper.train(scaled, config.wanted_units, config.triangles, config.rule, rng, progress)
+        units = grid_paper.train(scaled, config.wanted_units, config.triangles, rng, progress)
     else:
         begun = None if start is None else start._replace(units=((start.units - center) / scale))
         tiles = make_tiles(scaled)
@@ -208,7 +193,7 @@ def _train_batch(
         units, is_movable = start.units.astype(np.float32), start.is_movable
         wanted = units.shape[0] * units.shape[1]
         samples = sort(choose_num_samples(len(points), _SAMPLES_PER_UNIT * wanted))
-        units, _ = learn(samples, units, _SIGMA, _FIRST_ITERATIONS, wanted, is_movable)
+        units = learn(samples, units, _SIGMA, _FIRST_ITERATIONS, wanted, is_movable)
     progress("fit", 0.8)
     number = choose_num_samples(len(points), _FIT_SAMPLES_PER_UNIT * wanted)
     sigmas = choose_sigmas(number / wanted)
@@ -220,20 +205,18 @@ def _grow(
 ) -> Grid:
     wanted = config.wanted_units
     first = sort(choose_num_samples(len(points), 1))
-    units, counts = learn(first, start_grid(points), _START_SIGMA, iterations=1)
+    units = learn(first, start_grid(points), _START_SIGMA, iterations=1)
     num_rounds = max(1, int(np.ceil(np.log(wanted / 4) / np.log(_GROWTH))))
     for current in range(1, num_rounds + 1):
         progress("grow", 0.8 * (current - 1) / num_rounds)
         goal = round(4 * (wanted / 4) ** (current / num_rounds))
-        shape = choose_shape(
-            units, counts, goal, config.rule, config.triangles, is_last=current == num_rounds
-        )
-        down, across = score_gaps(units, counts, config.rule)
-        units = insert_lines(units, choose_lines(down, shape[0] - len(down) - 1, config.rule))
-        columns = choose_lines(across, shape[1] - len(across) - 1, config.rule)
+        shape = choose_shape(units, goal, config.triangles, is_last=current == num_rounds)
+        down, across = score_gaps(units)
+        units = insert_lines(units, choose_lines(down, shape[0] - len(down) - 1))
+        columns = choose_lines(across, shape[1] - len(across) - 1)
         units = insert_lines(units.swapaxes(0, 1), columns).swapaxes(0, 1)
         capacity = compute_capacity(goal)
-        units, counts = learn(
+        units = learn(
             sort(choose_num_samples(len(points), _SAMPLES_PER_UNIT * capacity)),
             units,
             sigma=min(_SIGMA, _MAX_SIGMA_SHARE * min(shape)),

@@ -1,15 +1,12 @@
 """Where a growing grid gets its next rows and columns."""
 
 import heapq
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int, Num
 
 from reconstruction._src.geometry.rows import Points, compute_lengths
 from reconstruction._src.networks.growing_grid.mesh import Grid
-
-Insertion = Literal["longest", "counter", "distant"]
 
 _AXIS_POINTS = 4096  # As many points determine the principal axes
 _MAX_STRETCH = 1.25  # The rows of the last round may be this many times more, or fewer, than the rule gives
@@ -29,56 +26,23 @@ def start_grid(points: Points) -> Float[np.ndarray, "2 2 3"]:
     return (center + first[:, None] + second[None]).astype(np.float32)
 
 
-def choose_lines(
-    scores: Num[np.ndarray, " G"], num_lines: int, rule: Insertion
-) -> Int[np.ndarray, " num_lines"]:
-    """Return the gaps that get a line, best first.
-
-    A gap's score falls to a half, a third, ... with each line it gets by the rule "longest"; by the other
-    rules a gap gets a second line only after each has got one.
-    """
-    heap = [(0, -score, gap, 1) for gap, score in enumerate(scores)]
+def choose_lines(scores: Num[np.ndarray, " G"], num_lines: int) -> Int[np.ndarray, " num_lines"]:
+    """Return the gaps that get a line, best first: a score falls to a half, a third, ... with each line of its gap."""
+    heap = [(-score, gap, 1) for gap, score in enumerate(scores)]
     heapq.heapify(heap)
     selected = []
     while len(selected) < num_lines:
-        _, _, gap, parts = heapq.heappop(heap)
+        _, gap, parts = heapq.heappop(heap)
         selected.append(gap)
-        if rule == "longest":
-            heapq.heappush(heap, (0, -scores[gap] / (parts + 1), gap, parts + 1))
-        else:
-            heapq.heappush(heap, (parts, -scores[gap], gap, parts + 1))
+        heapq.heappush(heap, (-scores[gap] / (parts + 1), gap, parts + 1))
     return np.array(selected, dtype=np.int64)
 
 
-def score_gaps(
-    units: Grid, counts: Num[np.ndarray, "R C"], rule: Insertion
-) -> tuple[Float[np.ndarray, " R-1"], Float[np.ndarray, " C-1"]]:
-    """Return how much every gap between rows and between columns needs a line."""
+def score_gaps(units: Grid) -> tuple[Float[np.ndarray, " R-1"], Float[np.ndarray, " C-1"]]:
+    """Return how much every gap between rows and between columns needs a line: the mean edge across it."""
     down = compute_lengths(np.diff(units, axis=0))
     across = compute_lengths(np.diff(units, axis=1))
-    if rule == "longest":
-        return down.mean(axis=1), across.mean(axis=0)
-    if rule == "counter":
-        down, across = counts[:-1] + counts[1:] - 0.0, counts[:, :-1] + counts[:, 1:] - 0.0
-    return _vote(counts, down, across)
-
-
-def _vote(
-    counts: Num[np.ndarray, "R C"], down: Float[np.ndarray, "R-1 C"], across: Float[np.ndarray, "R C-1"]
-) -> tuple[Float[np.ndarray, " R-1"], Float[np.ndarray, " C-1"]]:
-    """Find every unit's incident edge of the highest value; a gap scores the highest count of those units."""
-    rows, columns = counts.shape
-    edges = np.full((4, rows, columns), -np.inf)
-    edges[0, 1:], edges[1, :-1] = down, down
-    edges[2, :, 1:], edges[3, :, :-1] = across, across
-    side_of_unit = edges.argmax(axis=0)
-    row, column = np.mgrid[:rows, :columns]
-    by_row, by_column = np.full(rows - 1, -1.0), np.full(columns - 1, -1.0)
-    for side, shift in ((0, -1), (1, 0)):
-        is_down, is_across = side_of_unit == side, side_of_unit == side + 2
-        np.maximum.at(by_row, row[is_down] + shift, counts[is_down])
-        np.maximum.at(by_column, column[is_across] + shift, counts[is_across])
-    return by_row, by_column
+    return down.mean(axis=1), across.mean(axis=0)
 
 
 def insert_lines(units: Grid, gaps: Int[np.ndarray, " G"]) -> Float[np.ndarray, "S C 3"]:
@@ -91,22 +55,14 @@ def insert_lines(units: Grid, gaps: Int[np.ndarray, " G"]) -> Float[np.ndarray, 
     return np.concatenate([rows, units[-1:]])
 
 
-def choose_shape(
-    units: Grid,
-    counts: Num[np.ndarray, "R C"],
-    wanted: int,
-    rule: Insertion,
-    triangles: int | None = None,
-    *,
-    is_last: bool,
-) -> tuple[int, int]:
+def choose_shape(units: Grid, wanted: int, triangles: int | None = None, *, is_last: bool) -> tuple[int, int]:
     """Return rows and columns after the next round: the rule's, near `wanted` units.
 
     In the last round the number counts first, and the rule's proportion may give way by up to a fifth.
     """
-    num_rows, num_columns = counts.shape
-    down, across = score_gaps(units, counts, rule)
-    order = choose_lines(np.concatenate([down, across]), wanted, rule)
+    num_rows, num_columns = units.shape[:2]
+    down, across = score_gaps(units)
+    order = choose_lines(np.concatenate([down, across]), wanted)
     rows = num_rows + np.cumsum(order < len(down))
     columns = num_columns + np.cumsum(order >= len(down))
     end = min(int(np.searchsorted(rows * columns, wanted)), len(order) - 1)
@@ -135,12 +91,12 @@ def _nearest_shape(
     return best
 
 
-def choose_line_pair(units: Grid, counters: Int[np.ndarray, "R C"], rule: Insertion) -> tuple[int, int]:
+def choose_line_pair(counters: Int[np.ndarray, "R C"]) -> tuple[int, int]:
     """Return axis and gap of the one line that the sequential rules insert (Fritzke's step 7).
 
-    It goes between the unit q that won most and its direct neighbor f: by "counter" the one that won most,
-    by "distant" and "longest" the farthest. (Mean edges, as in batches, would leave a grid of 2 x n that the
-    constant neighborhood has drawn together without a third column for ever.)
+    It goes between the unit that won most and its direct neighbor that won most.
+
+    Differs: Fritzke takes the farthest neighbor; the paper of 2011 the one that won most.
     """
     row, column = np.unravel_index(counters.argmax(), counters.shape)
     best, choice = -np.inf, (0, 0)
@@ -148,8 +104,6 @@ def choose_line_pair(units: Grid, counters: Int[np.ndarray, "R C"], rule: Insert
         i, j = (int(row) + step, int(column)) if axis == 0 else (int(row), int(column) + step)
         if not (0 <= i < counters.shape[0] and 0 <= j < counters.shape[1]):
             continue
-        distance = np.linalg.norm(units[i, j] - units[row, column])
-        value = float(counters[i, j] if rule == "counter" else distance)
-        if value > best:
-            best, choice = value, (axis, min(i, int(row)) if axis == 0 else min(j, int(column)))
+        if counters[i, j] > best:
+            best, choice = counters[i, j], (axis, min(i, int(row)) if axis == 0 else min(j, int(column)))
     return choice

@@ -42,10 +42,10 @@ def learn(
     iterations: int,
     goal: int = 4,
     is_movable: Bool[np.ndarray, "R C"] | None = None,
-) -> tuple[Grid, Float[np.ndarray, "R C"]]:
+) -> Grid:
     """Train the grid by the batch rule."""
     padded, candidates, mask = _pad(units, tiles, goal, is_movable)
-    moved, counts = _learn(
+    moved = _learn(
         tiles.samples,
         tiles.is_real,
         padded,
@@ -55,7 +55,7 @@ def learn(
         np.float32(sigma),
         np.int32(iterations),
     )
-    return _as_grid(moved, units), _as_grid(counts, units)
+    return _as_grid(moved, units)
 
 
 def choose_sigmas(samples_per_unit: float) -> tuple[float, ...]:
@@ -178,21 +178,20 @@ def _learn(
     is_movable: Bool[jax.Array, " U"],
     sigma: Float[jax.Array, ""],
     iterations: Int[jax.Array, ""],
-) -> tuple[Float[jax.Array, "U 3"], Float[jax.Array, " U"]]:
+) -> Float[jax.Array, "U 3"]:
     """Repeat the batch rule W = HᵀX / HᵀN, H the separable kernel."""
     flat = samples.reshape(-1, 3)
     real = is_real.reshape(-1, 1)
     rows = jnp.where(real, jnp.concatenate([flat, jnp.ones_like(flat[:, :1])], axis=1), 0.0)
 
-    def step(_, carry):
-        units, _ = carry
+    def step(_, units):
         winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
         sums = jnp.zeros((len(units), 4)).at[winners].add(rows)
         smooth = _smooth(sums, shape, sigma)
         moved = smooth[:, :3] / jnp.maximum(smooth[:, 3:], 1e-9)
-        return jnp.where((is_movable & (smooth[:, 3] > 1e-6))[:, None], moved, units), sums[:, 3]
+        return jnp.where((is_movable & (smooth[:, 3] > 1e-6))[:, None], moved, units)
 
-    return jax.lax.fori_loop(0, iterations, step, (units, jnp.zeros(len(units))))
+    return jax.lax.fori_loop(0, iterations, step, units)
 
 
 @partial(jax.jit, static_argnames=("config", "chunk"))

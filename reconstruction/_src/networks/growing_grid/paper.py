@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.geometry.rows import Points
-from reconstruction._src.networks.growing_grid.growth import Insertion, choose_line_pair, insert_lines
+from reconstruction._src.networks.growing_grid.growth import choose_line_pair, insert_lines
 from reconstruction._src.networks.growing_grid.mesh import Grid
 from reconstruction._src.networks.som.compilation import padded_length
 
@@ -29,12 +29,7 @@ _MIN_SIDE = 8  # Rows and columns for which there is room at least, so that few 
 
 
 def train(
-    points: Points,
-    wanted: int,
-    triangles: int | None,
-    insertion: Insertion,
-    rng: np.random.Generator,
-    progress: Progress,
+    points: Points, wanted: int, triangles: int | None, rng: np.random.Generator, progress: Progress
 ) -> Grid:
     """Grow a grid of 2 x 2 units over the points, then fine-tune it; return it in float32."""
     units = points[rng.choice(len(points), 4, replace=False)].reshape(2, 2, 3)
@@ -42,7 +37,7 @@ def train(
         number = units.shape[0] * units.shape[1]
         progress("grow", 0.7 * number / wanted)
         units, counters = _present(points, units, _SIGNALS_PER_UNIT * number, _RATE, _RATE, rng)
-        axis, gap = choose_line_pair(units, counters, insertion)
+        axis, gap = choose_line_pair(counters)
         units = insert_lines(units.swapaxes(0, axis), np.array([gap])).swapaxes(0, axis)
     progress("fine-tune", 0.7)
     number = units.shape[0] * units.shape[1]
