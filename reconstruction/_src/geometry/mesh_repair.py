@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -46,28 +45,20 @@ _MIN_BEND_DEG = 10.0
 _TOLD = 0.9  # Share of the area of a part that is wound alike, less the rest: its winding tells its outside
 _UPRIGHT = 0.2
 """A part is a wall where the upward part of its mean normal, of length 1, is less: it is 78 degrees steep."""
+_MAX_FACES = 30_000  # Larger meshes are simplified first: planes need no more, and time is bounded
+_MIN_PART = 3e-4
+"""Loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air. Larger shares lose
+furniture."""
 _ROUNDS = 20  # Slivers behind slivers are removed, too, in no more rounds than these
 
 
-@dataclass(frozen=True)
-class RepairConfig:
-    """What of a mesh is kept."""
-
-    max_faces: int = 30_000  # larger meshes are simplified first: planes need no more, and time is bounded
-    # loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air. Larger
-    # shares lose furniture.
-    min_part: float = 3e-4
-    # the winding tells where free space is: it stays, and parts that it parts come apart. Else neighbors are
-    # turned alike, closed parts as they are wound, if they are so throughout, or outwards, and open ones up.
-    keeps_winding: bool = False
-    drops_slivers: bool = False  # whether slivers at the rim of an open surface are dropped
-
-
-REPAIR_DEFAULTS = RepairConfig()
-
-
-def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -> trimesh.Trimesh:
+def repair_mesh(
+    mesh: trimesh.Trimesh, *, keeps_winding: bool = False, drops_slivers: bool = False
+) -> trimesh.Trimesh:
     """Return a copy without useless parts, wound one way, open terrain with its normals up.
+
+    A winding that tells where free space is stays if asked for, and parts that it parts come apart. Else neighbors are
+    turned alike, closed parts as they are wound, if they are so throughout, or outwards, and open ones up.
 
     Dropped are faces with a vertex that is not finite, flat faces, faces given twice and small loose parts, and
     slivers at the rim if asked for; vertices at one place become one, but for those where two fans of faces only touch.
@@ -87,15 +78,15 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
     faces = drop_flat_faces(vertices, faces)
     part, areas = compute_components(faces, len(vertices)), compute_areas(vertices, faces)
     shares = np.bincount(part, areas) / areas.sum()
-    faces = faces[((shares >= config.min_part) | (shares == shares.max()))[part]]
-    if config.drops_slivers:
+    faces = faces[((shares >= _MIN_PART) | (shares == shares.max()))[part]]
+    if drops_slivers:
         faces = drop_rim_slivers(vertices, faces)
-    if len(faces) > config.max_faces:
-        vertices, faces = simplify(vertices, faces, config.max_faces)
-    wound = faces if config.keeps_winding else make_winding(vertices, faces)
+    if len(faces) > _MAX_FACES:
+        vertices, faces = simplify(vertices, faces, _MAX_FACES)
+    wound = faces if keeps_winding else make_winding(vertices, faces)
     is_kept = (wound == faces).all(axis=1)
     vertices, faces = drop_unused(*split_fans(vertices, wound))
-    if not config.keeps_winding:
+    if not keeps_winding:
         faces = _turn_parts(vertices, faces, is_kept)
     repaired = trimesh.Trimesh(vertices, faces, process=False)
     # A solid has four vertices or more, and simulators want no fewer of a surface.

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.geometry.mesh_repair import RepairConfig
 from reconstruction._src.tiles.folder import INDEX, TiledSurface
 from symbrion_gym._src.arenas.arena import Arena, color_arena
 from symbrion_gym._src.arenas.cache import find_versions, get_or_make
@@ -165,7 +164,7 @@ def make_arena(
     if name is None and isinstance(surface, str | Path):
         name = make_printable(Path(surface).stem)
     progress("repairing the mesh", 0.0)
-    mesh = repair_surface(scanned, RepairConfig(drops_slivers=True))
+    mesh = repair_surface(scanned)
     wanted = accuracy or find_accuracy(mesh, for_size, scanned.points)
     zone = None if reach is None else Reach(mesh, reach, for_size)
     touched, sides, has_rest = mesh, find_two_sided(scanned, mesh), True

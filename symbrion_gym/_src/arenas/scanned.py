@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.base.printable import make_printable
 from reconstruction._src.geometry.manifold import make_winding
-from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
+from reconstruction._src.geometry.mesh_repair import repair_mesh
 from reconstruction._src.geometry.orientation import (
     find_up_axis,
     is_y_likely,
@@ -110,10 +110,10 @@ def take_surface(
     return _recenter(scanned)
 
 
-def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Trimesh:
+def repair_surface(scanned: ScannedSurface) -> trimesh.Trimesh:
     """Return the repaired mesh, its winding kept where that tells where free space is."""
     try:
-        return repair_mesh(scanned.mesh, replace(config, keeps_winding=scanned.is_oriented))
+        return repair_mesh(scanned.mesh, keeps_winding=scanned.is_oriented, drops_slivers=True)
     except ReconstructionError as error:
         raise ArenaError(f"{scanned.source}: {error}") from error
 

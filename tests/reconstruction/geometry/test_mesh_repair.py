@@ -6,7 +6,8 @@ import trimesh
 from scipy.spatial import Delaunay
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh, simplify
+from reconstruction._src.geometry import mesh_repair
+from reconstruction._src.geometry.mesh_repair import repair_mesh, simplify
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def test_what_was_turned_to_who_saw_it_stays_so(terrain):
     )  # joined to the rest: the rest is not turned with it, nor it back
     faces = np.where(is_back[:, None], terrain.faces[:, ::-1], terrain.faces)
     mesh = trimesh.Trimesh(terrain.vertices, faces, process=False)
-    repaired = repair_mesh(mesh, RepairConfig(keeps_winding=True))
+    repaired = repair_mesh(mesh, keeps_winding=True)
     assert repaired.is_winding_consistent  # what is turned came apart
     assert len(repaired.faces) == len(faces)
     assert ((repaired.face_normals[:, 2] < 0) == (repaired.triangles_center[:, 0] < 1.0)).all()
@@ -126,9 +127,10 @@ def test_refusals_name_the_trouble(vertices, faces, words):
         repair_mesh(trimesh.Trimesh(vertices, faces, process=False))
 
 
-def test_large_meshes_are_simplified_and_loose_specks_dropped(terrain):
+def test_large_meshes_are_simplified_and_loose_specks_dropped(terrain, monkeypatch):
+    monkeypatch.setattr(mesh_repair, "_MAX_FACES", 300)
     speck = trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation([0, 0, 2])
-    repaired = repair_mesh(terrain + speck, RepairConfig(max_faces=300))
+    repaired = repair_mesh(terrain + speck)
     assert 200 < len(repaired.faces) <= 330
     assert repaired.bounds[1, 2] < 1.5
     assert repaired.area == pytest.approx(terrain.area, rel=0.05)

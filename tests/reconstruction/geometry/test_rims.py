@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from reconstruction._src.geometry.mesh_repair import RepairConfig, drop_rim_slivers, repair_mesh
+from reconstruction._src.geometry.mesh_repair import drop_rim_slivers, repair_mesh
 
 ACROSS, ALONG = 11, 6
 
@@ -37,7 +37,7 @@ def test_slivers_across_a_trough_go_one_behind_the_other():
 def test_repair_drops_them_where_it_is_asked_for():
     vertices, ground = make_trough()
     mesh = trimesh.Trimesh(vertices, np.concatenate([ground, make_fan()]), process=False)
-    assert len(repair_mesh(mesh, RepairConfig(drops_slivers=True)).faces) <= len(ground) + 5
+    assert len(repair_mesh(mesh, drops_slivers=True).faces) <= len(ground) + 5
     assert len(repair_mesh(mesh).faces) == len(mesh.faces)
 
 

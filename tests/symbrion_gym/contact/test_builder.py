@@ -7,7 +7,7 @@ from scanned_surface import make_scanned_surface
 
 from benchmarks.material.driving_scenes import make_terrain
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
+from reconstruction._src.geometry.mesh_repair import repair_mesh
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.contact import builder
 from symbrion_gym._src.contact.builder import make_contact
@@ -74,7 +74,7 @@ def test_a_room_is_hollow():
     room = trimesh.creation.box([4.0, 3.0, 2.5]).subdivide().subdivide()
     room.invert()
     room.update_faces(np.arange(len(room.faces)) > 0)  # a hole: it is no closed body
-    oriented = repair_mesh(room, RepairConfig(keeps_winding=True))
+    oriented = repair_mesh(room, keeps_winding=True)
     contact = make_contact(oriented, ContactOptions(), 0.01)
     inside = np.random.default_rng(0).uniform([-1.99, -1.49, -1.24], [1.99, 1.49, 1.24], (2000, 3))
     assert not compute_depths(inside, contact.pieces).any()
