@@ -1,13 +1,4 @@
-"""Contact geometry, one option: convex pieces, a height field, exact prisms, boxes and pieces.
-
-| kind | what it is | for |
-|---|---|---|
-| `auto` | `convex`, or a height field where rough open ground needs many pieces | everything; the default |
-| `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | pieces always |
-| `mixed` | the paper's mixed model: boxes, spheres, cylinders, rectangles, for rays too; the rest is `convex` | rays |
-| `hfield` | MuJoCo's height field | rough, unbroken ground |
-| `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
-"""
+"""What contact geometry is wanted, and what it is: convex pieces, or a height field; `make_arena` lists the kinds."""
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
