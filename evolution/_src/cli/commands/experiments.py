@@ -23,18 +23,6 @@ from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count
 from reconstruction._src.base.typed_json import write_json
 
-_STORY_COLUMNS = {
-    "seed": "seed",
-    "docks": "docks",
-    "success": "success",
-    "gathered": "whole [s]",
-    "crossed": "across [s]",
-    "recoveries": "recoveries",
-    "across": "robots across",
-    "reason": "why not",
-}
-"""What is shown of the story of a swarm, with its title in the table."""
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Experiment(SeededCommand):
@@ -229,17 +217,12 @@ class Swarm(Experiment, TrustingCommand):
                 console.print_line("no film: this machine has no OpenGL")
             else:
                 write_file(path, film)
-        rows = [[_describe(each[name]) for name in _STORY_COLUMNS] for each in stories]
-        title = f"Stories of {self.robots} robots in {self.arena}"
-        console.show_table(title, list(_STORY_COLUMNS.values()), rows)
+        for each in stories:
+            docking = "a swarm that docks" if each["docks"] else "one that may not dock"
+            reason = f": {each['reason']}" if each["reason"] else ""
+            console.print_line(f"{docking}: {each['across']} of {self.robots} robots across{reason}")
         console.print_line(f"The swarm {'is' if first['success'] else 'is not'} across; {self.out}")
         return {"folder": self.out, "success": first["success"], "stories": stories}
-
-
-def _describe(value: object) -> object:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return "-" if value is None else value
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
