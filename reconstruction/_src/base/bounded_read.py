@@ -36,6 +36,13 @@ class UnreadableFileError(ReconstructionPackageError, ValueError):
     """A file is missing, damaged, of another size than it says, or larger than allowed; the message says which."""
 
 
+class DamagedError(UnreadableFileError):
+    """A file holds something else than it promises."""
+
+    def __str__(self) -> str:
+        return f"{super().__str__()}; it is damaged or cut short: copy or export it again"
+
+
 class BoundedFile:
     """A binary file, unpacked on the way, whose size is known and within the limit.
 
@@ -68,7 +75,7 @@ class BoundedFile:
     def read_exactly(self, num_bytes: int) -> bytes:
         """Return the next bytes."""
         if not 0 <= num_bytes <= self.num_left:
-            raise UnreadableFileError(f"{num_bytes} bytes are promised where {self.num_left} are left")
+            raise DamagedError(f"{num_bytes} bytes are promised where {self.num_left} are left")
         data = self.stream.read(num_bytes)
         if len(data) != num_bytes:
             raise UnreadableFileError("the file has changed while it was read")
@@ -154,13 +161,13 @@ def read_array(stream: BinaryIO, num_left: int) -> NDArray:
         raise UnreadableFileError("holds Python objects, which are not read; save plain numbers")
     size, num_left = math.prod(shape) * dtype.itemsize, num_left - (stream.tell() - start)
     if min(shape, default=0) < 0 or size > num_left or (0 not in shape and not dtype.itemsize):
-        raise UnreadableFileError(f"promises {dtype} of shape {shape}, but {num_left} bytes follow")
+        raise DamagedError(f"promises {dtype} of shape {shape}, but {num_left} bytes follow")
     data = np.empty(size, dtype=np.uint8)
     at = 0
     while at < size:
         num_read = stream.readinto(data[at : at + _CHUNK])  # type: ignore[attr-defined]
         if not num_read:
-            raise UnreadableFileError("ends in the middle of an array")
+            raise DamagedError("ends in the middle of an array")
         at += num_read
     return data.view(dtype).reshape(shape, order="F" if is_fortran else "C")
 

@@ -296,7 +296,8 @@ def _read_raw(path: Path, max_bytes: float, classes: Sequence[int] | None = None
     except (ScanError, UnreadableFileError) as error:
         raise ScanError(f"{path}: {error}") from error
     except Exception as error:  # the libraries raise every kind of error on broken bytes
-        raise ScanError(f"{path}: not a readable {kind} file: {error}") from error
+        reason = str(error).partition("\n")[0]
+        raise ScanError(f"{path}: not a readable {kind} file: {reason}; copy or export it again") from error
     return raw
 
 

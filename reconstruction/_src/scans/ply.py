@@ -13,7 +13,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from reconstruction._src.base.bounded_read import BoundedFile
+from reconstruction._src.base.bounded_read import BoundedFile, DamagedError
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
 from reconstruction._src.scans.frames import RawPoints
@@ -74,7 +74,7 @@ def read_ply(file: BoundedFile) -> RawPoints:
         if element.lists:
             _read_lists(file, element, byte_order)
         elif size > file.num_left:
-            raise ScanError(f"the .ply header promises {size} bytes where {file.num_left} are left")
+            raise DamagedError(f"the .ply header promises {size} bytes where {file.num_left} are left")
         else:
             file.stream.seek(size, 1)
     if vertex.lists:
@@ -131,7 +131,7 @@ def _find_type(name: str) -> str:
 def _read_ascii(file: BoundedFile, num_skipped: int, vertex: _Element) -> RawPoints:
     num_rows = num_skipped + vertex.num_rows
     if num_rows > file.num_lines:
-        raise ScanError(f"the .ply header promises {num_rows} rows in {file.num_lines} lines")
+        raise DamagedError(f"the .ply header promises {num_rows} rows in {file.num_lines} lines")
     lines = (line for line in point_rows.read_lines(file) if not line.isspace())
     names = list(vertex.types)
     wanted = [*"xyz", *(point_rows.COLORS if {*point_rows.COLORS} <= {*names} else ())]
@@ -141,7 +141,7 @@ def _read_ascii(file: BoundedFile, num_skipped: int, vertex: _Element) -> RawPoi
     rows = itertools.islice(lines, num_skipped, num_rows)
     values = point_rows.read_text_rows(file, rows, columns, comments=None)
     if len(values) != vertex.num_rows:
-        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices, the data hold {len(values)}")
+        raise DamagedError(f"the .ply header promises {vertex.num_rows} vertices, {len(values)} follow")
     return point_rows.split_colors(values)
 
 
@@ -149,7 +149,7 @@ def _read_lists(file: BoundedFile, element: _Element, byte_order: str) -> Float[
     """Read binary rows with lists of any length, one after the other; return x, y, z, where the element has them."""
     kinds = {code: struct.Struct(byte_order + code) for code in _CODES.values()}
     if element.num_rows > file.num_left:
-        raise ScanError(f"the .ply header promises {element.num_rows} rows in {file.num_left} bytes")
+        raise DamagedError(f"the .ply header promises {element.num_rows} rows in {file.num_left} bytes")
     points = point_rows.allocate_points(file, element.num_rows)
     for row in range(element.num_rows):
         values: dict[str, float] = {}

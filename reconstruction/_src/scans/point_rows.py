@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, UInt8, UInt32
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.bounded_read import BoundedFile, UnreadableFileError, check_size
+from reconstruction._src.base.bounded_read import BoundedFile, DamagedError, check_size
 from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.scans.frames import RawPoints, as_colors
 
@@ -118,7 +118,7 @@ def read_header_line(file: BoundedFile) -> str:
         raise ScanError(f"the header is longer than {_MAX_HEADER} bytes")
     line = file.stream.readline(_MAX_LINE)
     if not line.endswith(b"\n"):
-        raise UnreadableFileError("ends before its data, or has no header")
+        raise DamagedError("ends before its data, or has no header")
     return line.decode("latin1").strip()
 
 
@@ -177,9 +177,7 @@ def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> RawPo
     Colors are the fields red, green and blue, or the field rgb: a whole number 0xRRGGBB.
     """
     if num_records * record.itemsize > file.num_left or record.itemsize > _MAX_LINE:
-        raise ScanError(
-            f"the header promises {num_records} x {record.itemsize} bytes, {file.num_left} follow"
-        )
+        raise DamagedError(f"promises {num_records} x {record.itemsize} bytes, {file.num_left} follow")
     names = record.names or ()
     points, step = allocate_points(file, num_records), max(_MAX_LINE // record.itemsize, 1)
     colors = None

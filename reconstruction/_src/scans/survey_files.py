@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from reconstruction._src.base.bounded_read import BoundedFile, check_size
+from reconstruction._src.base.bounded_read import BoundedFile, DamagedError, check_size
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.geometry.pose import to_rotation
@@ -61,7 +61,7 @@ def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoin
         count, size = header.point_count, header.point_format.size
         points = point_rows.allocate_points(file, count)
         if not header.are_points_compressed and count * size > file.size:
-            raise ScanError(f"the header promises {count} points of {size} bytes in {file.size} bytes")
+            raise DamagedError(f"the header promises {count} points of {size} bytes in {file.size} bytes")
         meters, height_factor = find_las_units(header)
         records = [*header.vlrs, *(header.evlrs or [])]
         is_on_map = any(record.record_id in _COORDINATE_SYSTEM for record in records)
@@ -76,7 +76,7 @@ def read_las(file: BoundedFile, classes: Sequence[int] | None = None) -> RawPoin
             if colors is not None:
                 colors[chosen] = chunk.rows[:, 3:]
     if num_read != count:
-        raise ScanError(f"the header promises {count} points, the data hold {num_read}")
+        raise DamagedError(f"the header promises {count} points, the data hold {num_read}")
     if classes is not None and num_read and not num_kept:
         raise ScanError(f"no point is of class {', '.join(map(str, classes))}; give other classes, or none")
     points[:, 2] *= height_factor
@@ -143,12 +143,12 @@ def _check_counts(file: BoundedFile) -> None:
             file.stream.seek(file.size - 8)
             (table_at,) = struct.unpack("<q", file.read_exactly(8))
         if not 0 < table_at <= file.size - 8:
-            raise ScanError("the table of its chunks lies outside the file")
+            raise DamagedError("the table of its chunks lies outside the file")
         file.stream.seek(table_at + 4)
         promises.append(("chunks", struct.unpack("<I", file.read_exactly(4))[0]))
     for name, size in promises:
         if size > file.size:
-            raise ScanError(f"the header promises {name} of {size} bytes in {file.size} bytes")
+            raise DamagedError(f"the header promises {name} of {size} bytes in {file.size} bytes")
     file.stream.seek(0)
 
 
@@ -227,11 +227,11 @@ def _refuse_document_type(path: Path) -> None:
     with path.open("rb") as file:
         header = file.read(_E57_HEADER)
         if len(header) < _E57_HEADER:
-            raise ScanError(f"an .e57 file has a header of {_E57_HEADER} bytes, this one {len(header)}")
+            raise DamagedError(f"an .e57 file has a header of {_E57_HEADER} bytes, this one {len(header)}")
         offset, length, page = struct.unpack("<QQQ", header[24:])
         is_in_page = page == _PAGE and offset % _PAGE < _PAGE - _CHECKSUM
         if not is_in_page or offset + length > path.stat().st_size:
-            raise ScanError(f"its header names pages of {page} bytes, and {length} bytes of XML at {offset}")
+            raise DamagedError(f"its header names pages of {page} bytes, {length} bytes of XML at {offset}")
         file.seek(offset)
         first = _PAGE - offset % _PAGE
         data = file.read(first + (length // (_PAGE - _CHECKSUM) + 1) * _PAGE)
@@ -286,7 +286,7 @@ def _read_columns(file: pye57.E57, header: Any, names: Sequence[str]) -> Float[n
     reader = header.points.reader(buffers)
     num_read = int(reader.read()) if count else 0
     if num_read != count:
-        raise ScanError(f"the .e57 file promises {count} points, the data hold {num_read}")
+        raise DamagedError(f"the .e57 file promises {count} points, the data hold {num_read}")
     reader.close()
     return columns[:, :count]
 

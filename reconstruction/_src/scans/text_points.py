@@ -1,13 +1,14 @@
-"""Read the points of text files: columns, Wavefront .obj, legacy .vtk."""
+"""Read the points of text files: columns, ESRI ASCII grids, Wavefront .obj, legacy .vtk."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Float
 
-from reconstruction._src.base.bounded_read import BoundedFile
+from reconstruction._src.base.bounded_read import BoundedFile, DamagedError
 from reconstruction._src.base.errors import ScanError
 from reconstruction._src.scans import point_rows
 from reconstruction._src.scans.frames import RawPoints
@@ -24,7 +25,6 @@ _VTK_TYPES = {
     "unsigned_char": ">u1",
 }
 _COLORED_VERTEX = 7  # Words of a line `v x y z r g b`
-_MIN_POINT_BYTES = 6  # Three digits and three blanks
 
 
 def read_text(file: BoundedFile) -> RawPoints:
@@ -32,7 +32,7 @@ def read_text(file: BoundedFile) -> RawPoints:
 
     Columns are colors where their names say so (r, g, b or red, green, blue), and without names where there are 6
     or 7 columns whose last three hold only whole numbers from 0 to 255. A first line of one number, the count of
-    the rows as in .pts, is skipped.
+    the rows as in .pts, is skipped. A first word ncols begins an ESRI ASCII grid.
     """
     point_rows.check_num_points(file, file.num_lines)
     lines = point_rows.read_lines(file)
@@ -43,12 +43,10 @@ def read_text(file: BoundedFile) -> RawPoints:
     if not number:
         raise ScanError("holds no line with numbers")
     head = first.split("#")[0].strip()
+    if head.lower().startswith("ncols"):
+        return _read_grid(file, itertools.chain([first], lines))
     delimiter = "," if "," in head else ";" if ";" in head else None
     words = [word.strip().strip('"').lower() for word in head.split(delimiter)]
-    if head.lower().startswith("ncols"):
-        raise ScanError(
-            "is an ESRI ASCII grid, not points; convert it first: gdal_translate -of XYZ GRID.asc GRID.xyz"
-        )
     if len(words) < 3:
         raise ScanError(f"line {number} has {len(words)} columns, x y z are needed: {head[:60]!r}")
     columns, has_names = _find_columns(words)
@@ -59,6 +57,28 @@ def read_text(file: BoundedFile) -> RawPoints:
     if not has_names and not ((last >= 0) & (last <= 255) & (last == np.floor(last))).all():
         values = values[:, :3]
     return point_rows.split_colors(values)
+
+
+def _read_grid(file: BoundedFile, lines: Iterator[str]) -> RawPoints:
+    """Read the middles of the cells that have data, row after row from the north."""
+    head, words = {"nodata_value": "-9999"}, next(lines).lower().split()
+    while len(words) == 2 and not _is_number(words[0]):
+        head[words[0]] = words[1]
+        words = next(lines, "").lower().split()
+    try:
+        columns, rows = (point_rows.parse_count(head[name]) for name in ("ncols", "nrows"))
+        cell, half = float(head["cellsize"]), float(head["cellsize"]) / 2
+        west, south = (float(head.get(f"{a}llcenter") or float(head[f"{a}llcorner"]) + half) for a in "xy")
+    except KeyError as error:
+        raise ScanError(f"the header of the grid lacks {error}; add it") from error
+    points = point_rows.allocate_points(file, min(columns * rows, file.size))
+    found = _fill(points[:, 2], itertools.chain([" ".join(words) + "\n"], lines))
+    found += sum(len(line.split()) for line in lines)
+    if found != columns * rows or not cell > 0.0:
+        raise DamagedError(f"the grid promises {columns} x {rows} cells of {cell}, the data hold {found}")
+    points[:, 0] = np.tile(west + cell * np.arange(columns), rows)
+    points[:, 1] = np.repeat(south + cell * np.arange(rows)[::-1], columns)
+    return RawPoints(points[points[:, 2] != float(head["nodata_value"])], up="z")
 
 
 def _find_columns(words: list[str]) -> tuple[list[int], bool]:
@@ -114,19 +134,19 @@ def read_vtk(file: BoundedFile) -> RawPoints:
     if form == "BINARY":
         record = np.dtype([(axis, _VTK_TYPES[kind]) for axis in "xyz"])
         return point_rows.read_records(file, record, count)
-    if _MIN_POINT_BYTES * count > file.num_left + 1:
-        raise ScanError(f"the .vtk file promises {count} points in {file.num_left} bytes")
-    return RawPoints(_read_numbers(file, count))
+    points = point_rows.allocate_points(file, min(count, file.size))
+    found = _fill(points.reshape(-1), point_rows.read_lines(file))
+    if found < 3 * count:
+        raise DamagedError(f"the .vtk file promises {count} points, but ends after {found} numbers")
+    return RawPoints(points)
 
 
-def _read_numbers(file: BoundedFile, count: int) -> Float[np.ndarray, "N 3"]:
-    """Read points whose numbers are in lines of any length."""
-    points, num_read, lines = point_rows.allocate_points(file, count), 0, point_rows.read_lines(file)
-    flat = points.reshape(-1)
-    while num_read < len(flat):
-        words = " ".join(point_rows.next_block(lines)).split()[: len(flat) - num_read]
-        if not words:
-            raise ScanError(f"the .vtk file promises {count} points, but ends after {num_read} numbers")
-        flat[num_read : num_read + len(words)] = np.array(words, dtype=np.float64)
-        num_read += len(words)
-    return points
+def _fill(values: Float[np.ndarray, " N"], lines: Iterator[str]) -> int:
+    """Fill an array with numbers in lines of any length; return how many words there are in the lines it took."""
+    found = 0
+    while found < len(values) and (block := point_rows.next_block(lines)):
+        words = " ".join(block).split()
+        wanted = words[: len(values) - found]
+        values[found : found + len(wanted)] = np.array(wanted, dtype=np.float64)
+        found += len(words)
+    return found

@@ -73,6 +73,7 @@ GOOD = {
     "a.obj": OBJ.encode(),
     "a.ply.gz": gzip.compress(ply(SINGLE, form="binary_little_endian")),
 }
+GRID = b"ncols 3\nNROWS 2\nxllcorner 9.5\nyllcenter 20\ncellsize 1\nNODATA_value -9\n0 1 2 3\n-9 5"
 PCD_HEAD = b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 5\nHEIGHT 1\n"
 LYING = (b"POINTS 5", b"POINTS 500000000")
 BROKEN = {
@@ -117,6 +118,12 @@ BROKEN = {
     "cut.xyz.gz": gzip.compress(TEXT.encode())[:-9],
     "cut.xyz.bz2": bz2.compress(TEXT.encode())[:-9],
     "binary.3d": bytes(300),
+    "cut.asc": GRID[:-2],
+    "long.asc": GRID + b" 7",
+    "words.asc": GRID.replace(b"5", b"five"),
+    "lacking.asc": GRID.replace(b"yllcenter", b"south"),
+    "zero.asc": GRID.replace(b"cellsize 1", b"cellsize 0"),
+    "huge.asc": GRID.replace(b"ncols 3", b"ncols 3000000000"),
     "unknown.stp": TEXT.encode(),
     "no_suffix": TEXT.encode(),
 }
@@ -148,6 +155,11 @@ def test_broken_files_are_named_with_the_reason(tmp_path, name):
     message = str(error.value)
     assert message.startswith(f"{path}: ")
     assert len(message) >= len(f"{path}: is empty")
+
+
+def test_the_values_of_a_grid_stand_over_the_middles_of_its_cells(tmp_path):
+    expected = [[10, 21, 0], [11, 21, 1], [12, 21, 2], [10, 20, 3], [12, 20, 5]]
+    assert load_points(write(tmp_path, "a.asc", GRID)).tolist() == expected
 
 
 def test_absent_files_and_folders_are_refused(tmp_path):

@@ -177,7 +177,7 @@ def test_a_table_of_too_many_chunks_is_refused(tmp_path: Path) -> None:
     content = bytearray(las(packed=True))
     (table_at,) = struct.unpack_from("<q", content, struct.unpack_from("<I", content, 96)[0])
     struct.pack_into("<I", content, table_at + 4, 4_000_000_000)
-    with pytest.raises(ScanError, match="promises chunks of 4000000000 bytes"):
+    with pytest.raises(ScanError, match=r"promises chunks of 4000000000 bytes.* damaged .*copy or export"):
         load_cloud(write(tmp_path, "a.laz", bytes(content)))
 
 
