@@ -151,8 +151,7 @@ def read_mesh(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # trimesh raises whatever its many readers raise
-        reason = f"{error or type(error).__name__}; copy or export it again"
-        raise ScanError(f"cannot be read as a mesh: {reason}") from error
+        raise ScanError(f"is no readable mesh: {error or type(error).__name__}; export it again") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise ScanError("holds no triangles; points are read by load_cloud")
     if mesh.vertices.shape[1] != 3:

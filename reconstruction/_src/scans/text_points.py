@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
-from jaxtyping import Float
 
 from reconstruction._src.base.bounded_read import BoundedFile, DamagedError
 from reconstruction._src.base.errors import ScanError
@@ -25,6 +24,7 @@ _VTK_TYPES = {
     "unsigned_char": ">u1",
 }
 _COLORED_VERTEX = 7  # Words of a line `v x y z r g b`
+_MOST_NAMES = 9  # In the header of a grid
 
 
 def read_text(file: BoundedFile) -> RawPoints:
@@ -59,26 +59,25 @@ def read_text(file: BoundedFile) -> RawPoints:
     return point_rows.split_colors(values)
 
 
-def _read_grid(file: BoundedFile, lines: Iterator[str]) -> RawPoints:
+def _read_grid(file: BoundedFile, lines: Iterable[str]) -> RawPoints:
     """Read the middles of the cells that have data, row after row from the north."""
-    head, words = {"nodata_value": "-9999"}, next(lines).lower().split()
-    while len(words) == 2 and not _is_number(words[0]):
-        head[words[0]] = words[1]
-        words = next(lines, "").lower().split()
+    head, words = {"nodata_value": "-9999"}, _split(lines)
+    word = next(words)
+    while len(head) < _MOST_NAMES and not _is_number(word):
+        head[word.lower()], word = next(words, ""), next(words, "nan")
     try:
         columns, rows = (point_rows.parse_count(head[name]) for name in ("ncols", "nrows"))
-        cell, half = float(head["cellsize"]), float(head["cellsize"]) / 2
-        west, south = (float(head.get(f"{a}llcenter") or float(head[f"{a}llcorner"]) + half) for a in "xy")
+        cell = float(head["cellsize"])
+        x, y = (float(head.get(f"{a}llcenter") or float(head[f"{a}llcorner"]) + cell / 2) for a in "xy")
     except KeyError as error:
         raise ScanError(f"the header of the grid lacks {error}; add it") from error
-    points = point_rows.allocate_points(file, min(columns * rows, file.size))
-    found = _fill(points[:, 2], itertools.chain([" ".join(words) + "\n"], lines))
-    found += sum(len(line.split()) for line in lines)
-    if found != columns * rows or not cell > 0.0:
-        raise DamagedError(f"the grid promises {columns} x {rows} cells of {cell}, the data hold {found}")
-    points[:, 0] = np.tile(west + cell * np.arange(columns), rows)
-    points[:, 1] = np.repeat(south + cell * np.arange(rows)[::-1], columns)
-    return RawPoints(points[points[:, 2] != float(head["nodata_value"])], up="z")
+    point_rows.check_num_points(file, columns * rows)
+    z = np.fromiter(itertools.islice(map(float, itertools.chain([word], words)), columns * rows), float)
+    if len(z) < columns * rows or next(words, "") or not cell > 0.0:
+        raise DamagedError(f"its data are no grid of {columns} x {rows} cells of {cell}")
+    east, north = x + cell * np.arange(columns), y + cell * np.arange(rows)[::-1]
+    points = np.stack([np.tile(east, rows), np.repeat(north, columns), z], axis=1)
+    return RawPoints(points[z != float(head["nodata_value"])], up="z")
 
 
 def _find_columns(words: list[str]) -> tuple[list[int], bool]:
@@ -134,19 +133,13 @@ def read_vtk(file: BoundedFile) -> RawPoints:
     if form == "BINARY":
         record = np.dtype([(axis, _VTK_TYPES[kind]) for axis in "xyz"])
         return point_rows.read_records(file, record, count)
-    points = point_rows.allocate_points(file, min(count, file.size))
-    found = _fill(points.reshape(-1), point_rows.read_lines(file))
-    if found < 3 * count:
-        raise DamagedError(f"the .vtk file promises {count} points, but ends after {found} numbers")
-    return RawPoints(points)
+    point_rows.check_num_points(file, count)
+    values = np.fromiter(itertools.islice(map(float, _split(point_rows.read_lines(file))), 3 * count), float)
+    if len(values) < 3 * count:
+        raise DamagedError(f"the .vtk file promises {count} points, but ends after {len(values)} numbers")
+    return RawPoints(values.reshape(-1, 3))
 
 
-def _fill(values: Float[np.ndarray, " N"], lines: Iterator[str]) -> int:
-    """Fill an array with numbers in lines of any length; return how many words there are in the lines it took."""
-    found = 0
-    while found < len(values) and (block := point_rows.next_block(lines)):
-        words = " ".join(block).split()
-        wanted = words[: len(values) - found]
-        values[found : found + len(wanted)] = np.array(wanted, dtype=np.float64)
-        found += len(words)
-    return found
+def _split(lines: Iterable[str]) -> Iterator[str]:
+    """Yield the words of lines."""
+    return (word for line in lines for word in line.split())
