@@ -22,16 +22,12 @@ from evolution._src.cli.command import (
 )
 from evolution._src.cli.console import Console
 from evolution._src.search.bodies.config import ALGORITHMS
-from evolution._src.search.bodies.run import BodyRun, describe_success, format_fitness, list_once
+from evolution._src.search.bodies.run import BodyRun, describe_success, list_once
 from evolution._src.search.run import RunFolder
-from reconstruction._src.base.atomic_write import write_file
-from reconstruction._src.base.extras import find_missing
 from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.environment.config import STARTS
 
 Place = tuple[float, float]  # x and y [m]
-PICTURE = "bodies.png"  # Of the fittest bodies, in the run folder
-MAX_DRAWN = 24
 logger = logging.getLogger(__name__)
 
 
@@ -237,7 +233,7 @@ def describe_stop(run: "ev.Run") -> str:
 
 
 def _report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
-    """Print what bodies have learned, draw the best ones, and return the results."""
+    """Print what bodies have learned, and return the results."""
     confirmation, bodies = run.confirmation, len(list_once(run.results))
     best = run.best if confirmation is None else confirmation.result
     fresh_seconds = 0.0 if confirmation is None else confirmation.seconds
@@ -249,12 +245,4 @@ def _report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
     plan = best.body.to_plan()
     modules = format_count(best.body.num_modules, "module")
     console.print_line(f"best body, {modules}, {plan}: {describe_success(run)}")
-    if run.folder is not None and not find_missing("report"):
-        from evolution._src.report.figures import draw_bodies, to_png
-
-        ranked = sorted(run.results, key=lambda each: (each.level, each.fitness), reverse=True)
-        shown = list_once(ranked)[:MAX_DRAWN]
-        captions = [format_fitness(run, each.fitness) for each in shown]
-        write_file(run.folder / PICTURE, to_png(draw_bodies([each.body for each in shown], captions)))
-        console.print_line(f"the best bodies: {run.folder / PICTURE}")
     return summary | {"plan": plan, "confirmed": confirmation is not None}
