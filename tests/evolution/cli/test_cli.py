@@ -252,13 +252,6 @@ def test_a_damaged_run_is_refused_by_file_and_field(field, value, tmp_path, caps
         assert field in message
 
 
-def test_a_damaged_file_of_waypoints_is_refused(tmp_path, capsys):
-    path = tmp_path / "way.json"
-    for text in ("[" * 100_000, "[[0, 1], [2]]", "[[0, NaN], [1, 1]]", "{}", "7", "not json"):
-        path.write_text(text)
-        assert "way.json" in refuse(["survey", "truth", "--path", str(path)], 2, capsys)
-
-
 @pytest.mark.parametrize(
     ("arena", "wanted"),
     [("gsrm", "truth"), ("truth", "truth"), ("arenas/mine", "arenas/mine"), ("stairs", "stairs")],

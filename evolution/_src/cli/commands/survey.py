@@ -13,15 +13,11 @@ from evolution._src.cli.command import (
     SeededCommand,
     UsageError,
     check_arena,
-    require_file,
     require_own_archive,
     require_writable_file,
 )
 from evolution._src.cli.console import Console
-from reconstruction._src.base.typed_json import read_json
 from symbrion_gym._src.sensing.survey_robot import LaserScanner, SurveyRobot
-
-PATH_ENDINGS = (".csv", ".txt", ".json")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -38,7 +34,7 @@ class Survey(SeededCommand):
     out: Path = Path("survey.npz")
     """Output file for the scan log (.npz)."""
     path: str | None = None
-    """Waypoints: "X,Y X,Y ..." [m], or a file of them (.csv .txt .json). Default: a zigzag around the arena."""
+    """Waypoints: "X,Y X,Y ..." [m], or "$(cat FILE.csv)". Default: a zigzag around the arena."""
     speed: float = SurveyRobot.speed
     """Driving speed [m/s]; a lower speed gives more scans."""
     beams: int = LaserScanner.num_beams
@@ -83,22 +79,11 @@ class Survey(SeededCommand):
 
 
 def read_path(text: str) -> Float[np.ndarray, "W 2"]:
-    """Read waypoints from "X,Y X,Y ..." or from a file of them [m]."""
-    file = Path(text.strip())
-    if file.name.lower().endswith(PATH_ENDINGS):
-        require_file(file, "--path")
+    """Read waypoints from "X,Y X,Y ..." [m]."""
     try:
-        if file.suffix.lower() == ".json":
-            rows = read_json(file)
-        elif file.name.lower().endswith(PATH_ENDINGS):
-            lines = file.read_text(encoding="utf-8").splitlines()
-            rows = [line.replace(",", " ").split() for line in lines if line.strip()]
-        else:
-            rows = [place.split(",") for place in text.split()]
-        waypoints = np.array(rows, dtype=float)
-    except (ValueError, TypeError) as error:
-        example = 'give "X,Y X,Y ..." or a .csv or .json file'
-        raise UsageError(f"--path {text}: not waypoints ({error}); {example}") from error
+        waypoints = np.array([place.split(",") for place in text.split()], dtype=float)
+    except ValueError as error:
+        raise UsageError(f'--path {text}: not waypoints ({error}); give "X,Y X,Y ..."') from error
     if waypoints.ndim != 2 or waypoints.shape[1] != 2 or len(waypoints) < 2:
         raise UsageError(f'--path {text}: give two waypoints or more, each x and y, like "0,2 3,2"')
     if not np.isfinite(waypoints).all() or np.ptp(waypoints, axis=0).max() == 0:
