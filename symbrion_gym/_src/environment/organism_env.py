@@ -1,8 +1,6 @@
 """The Gymnasium environment: an organism of docked Scouts has to get across."""
 
-import copy
-import gc
-from typing import Any
+from typing import Any, NoReturn
 
 import gymnasium as gym
 import mujoco
@@ -18,8 +16,6 @@ from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.registration import KnowsLimits
 from symbrion_gym._src.sensing.timing import timing
 from symbrion_gym._src.tasks.paths import PathRoute
-
-_PACKAGE = f"{__name__.partition('.')[0]}."
 
 
 class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -287,19 +283,9 @@ class OrganismEnv(KnowsLimits, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
             self._renderer.close()
             self._renderer = None
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "OrganismEnv":
-        """Return an independent copy in the same state, without window or graphics context."""
-        twin = object.__new__(type(self))
-        memo[id(self)] = twin
-        shared = {"world", "config", "_renderer", "_physics", "_control"}
-        for part in (self.world, self.world.scene):
-            memo[id(part)] = part
-        link_views(self._episodes, memo)
-        for name, value in self.__dict__.items():
-            twin.__dict__[name] = value if name in shared else copy.deepcopy(value, memo)
-        twin._renderer = None
-        twin._find_views()
-        return twin
+    def __deepcopy__(self, memo: dict[int, Any]) -> NoReturn:
+        """Refuse a copy, whose views of the physics would be of this environment."""
+        raise TypeError("an environment is not copied; make another one, and repeat seed and actions there")
 
 
 def make_spaces(episodes: Episodes) -> tuple[spaces.Box, spaces.Box]:
@@ -317,32 +303,3 @@ def make_renderer(world: World, data: mujoco.MjData, width: int, height: int) ->
     route, quality = world.route, world.arena.quality
     places = route.places if isinstance(route, PathRoute) else ()
     return SceneRenderer(world.model, data, width, height, length, route.heading, quality, places)
-
-
-def link_views(source: object, memo: dict[int, Any]) -> None:
-    """Let a deep copy keep views what they are: arrays that share memory in the source share it in the copy as well."""
-    seen: set[int] = set()
-    waiting: list[Any] = [source]
-    while waiting:
-        value = waiting.pop()
-        if id(value) in seen or id(value) in memo:
-            continue
-        seen.add(id(value))
-        if isinstance(value, np.ndarray):
-            _copy_array(value, memo)
-        elif isinstance(value, dict | list | tuple) or type(value).__module__.startswith(_PACKAGE):
-            waiting += gc.get_referents(value)
-
-
-def _copy_array(array: np.ndarray, memo: dict[int, Any]) -> None:
-    root = array
-    while isinstance(root.base, np.ndarray):
-        root = root.base
-    if array.dtype.hasobject or not root.flags.owndata or not root.flags.c_contiguous:
-        return
-    whole = memo.setdefault(id(root), root.copy())
-    # As deepcopy does: ids stay taken while the memo lives.
-    memo.setdefault(id(memo), []).extend([root, array])
-    if array is not root:
-        offset = array.__array_interface__["data"][0] - root.__array_interface__["data"][0]
-        memo[id(array)] = np.ndarray(array.shape, array.dtype, whole, offset, array.strides)
