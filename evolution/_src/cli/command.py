@@ -11,6 +11,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
+import symbrion_gym as sg
 from evolution._src.cli.console import Console
 from evolution._src.errors import EvolutionError
 from reconstruction._src.base.errors import ReconstructionPackageError
@@ -141,7 +142,10 @@ def require_writable_folder(path: Path, option: str) -> None:
 
 
 def check_arena(arena: str) -> None:
-    """Refuse an arena that is neither the name of a ready-made one nor an existing file or folder."""
+    """Refuse an arena that is neither the name of a ready-made one nor an existing file or arena folder."""
     if arena not in NAMED_ARENAS and not Path(arena).exists():
         names = ", ".join(NAMED_ARENAS)
         raise UsageError(f"no arena '{arena}'; give one of {names}, an arena folder or a mesh file")
+    is_folder = arena not in NAMED_ARENAS and Path(arena).is_dir()
+    if is_folder and {"arena.json", "tiles.json"}.isdisjoint(os.listdir(arena)):
+        sg.load_arena(arena)  # which says what is missing

@@ -20,6 +20,7 @@ from evolution._src.cli.command import EXPECTED_ERRORS, Command, UsageError
 from evolution._src.cli.commands import COMMANDS
 from evolution._src.cli.console import Console, flush_streams, is_unread, prepare_streams
 from reconstruction._src.base.printable import make_printable
+from reconstruction._src.base.range_checks import check_choice
 
 _REPLACED = (
     (r"\[/?bold\]", ""),
@@ -29,6 +30,7 @@ _REPLACED = (
     (r"invalid literal for int\(\) with base 10: ('.*?')", r"\1 is not a whole number"),
     (r"could not convert string to float: ('.*?')", r"\1 is not a number"),
     (r"\{None\}\|", ""),
+    (r"(?<=Expected one of \()[^)]*", lambda found: ", ".join(sorted({*found[0].split(", ")} - {"'None'"}))),
     (r"\s+", " "),
     (r"[.;]? *See symbrion\b[^;]*--help$", ""),
 )
@@ -143,6 +145,8 @@ def run(arguments: Sequence[str]) -> int:
 def _parse(arguments: Sequence[str]) -> Command:
     """Return the command of a command line."""
     errors = io.StringIO()
+    if arguments and not arguments[0].startswith("-"):
+        check_choice("command", arguments[0], tuple(COMMANDS), UsageError)
     try:
         with contextlib.redirect_stderr(errors):
             return tyro.extras.subcommand_cli_from_dict(

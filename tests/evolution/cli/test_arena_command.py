@@ -126,6 +126,7 @@ def test_impossible_options_are_refused(sheet, words, message, capsys):
     ("words", "message"),
     [
         (["nowhere"], "no arena 'nowhere'"),
+        (["."], ". holds no arena.json"),
         (["truth"], "no display"),
         (["truth", "--picture", "a.txt"], ".png"),
         (["truth", "--picture", "a.png", "--modules", "0"], "--modules 0"),
@@ -133,7 +134,8 @@ def test_impossible_options_are_refused(sheet, words, message, capsys):
         (["truth", "--picture", "a.png", "--layers", "fog"], "fog"),
     ],
 )
-def test_what_cannot_be_viewed_is_refused(words, message, capsys, monkeypatch):
+def test_what_cannot_be_viewed_is_refused(words, message, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("evolution._src.cli.commands.view.has_display", lambda: False)
     assert run(["view", *words]) == 2
     assert message in capsys.readouterr().err
