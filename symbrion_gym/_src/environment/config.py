@@ -215,6 +215,8 @@ class EnvironmentConfig:
         an unknown name lists others, too.
         """
         given = dict(options)
+        if "arenas" in given:
+            raise OptionError("arenas=[...] needs gym.make_vec(id, vectorization_mode='vector_entry_point')")
         if "default_arena" in given:
             given.setdefault("arena", given.pop("default_arena"))
         usual_body = given.pop("default_organism", None)

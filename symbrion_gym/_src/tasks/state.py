@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from reconstruction._src.base.range_checks import check_choice
 from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.errors import TaskError
 from symbrion_gym._src.robot.organism import Organism
@@ -329,7 +330,12 @@ def check_function(what: str, function: Callable[[Any], Any]) -> Callable[[Any],
         return function
 
     def call(state: TaskState) -> Any:
-        value = function(state)
+        try:
+            value = function(state)
+        except AttributeError as error:
+            if error.obj is state:
+                check_choice(what, error.name, [each for each in dir(state) if each[0] != "_"], TaskError)
+            raise
         shape, is_number = np.shape(value), np.asarray(value).dtype.kind in "biuf"
         if shape != (state.num,) or not is_number:
             found = f"an array of shape {shape}" if is_number else f"{value!r}"

@@ -58,6 +58,8 @@ def test_each_arena_is_as_if_it_were_alone(mode):
 def test_an_id_with_an_arena_of_its_own_takes_several_and_finds_a_way_in_each():
     options = {"arenas": ["gsrm", "truth"], "modules": 2, "render_mode": "rgb_array", "width": 32}
     envs = gym.make_vec("symbrion_gym/Traverse-v0", 2, "vector_entry_point", **options)
+    with pytest.raises(ValueError, match=r"make_vec\(id, vectorization_mode='vector_entry_point'\)"):
+        gym.make("symbrion_gym/Traverse-v0", **options)
     assert envs.spec.reward_threshold is None
     assert len({part.world.route.finish for part in envs.parts}) == 2
     envs.reset(seed=0)

@@ -37,6 +37,7 @@ class Never(PassFinish):
             {"rewards": (Reward("rise", lambda state: state.position[:, :, 2]),)},
             r"reward 'rise' returned .*\(3, 2\)",
         ),
+        ({"rewards": (Reward("up", lambda s: s.heigth),)}, "'up': there is no 'heigth'; there are: height, "),
         ({"rewards": (Reward("one", lambda state: 1.0),)}, r"reward 'one' returned an array of shape \(\)"),
         ({"rewards": (Reward("none", lambda state: None),)}, "reward 'none' returned None"),
         (
