@@ -81,9 +81,7 @@ SEEDS = (*range(10), *range(26, 46))
 
 def find_suite_task(name: str) -> SuiteTask:
     """Return a task by its name."""
-    for task in SUITE:
-        if task.name == name:
-            return task
-    raise RunError(
-        f"no task {name!r} in suite {VERSION}; there are: {'; '.join(each.name for each in SUITE)}"
-    )
+    tasks = {task.name: task for task in SUITE}
+    if name not in tasks:
+        raise RunError(f"no task {name!r} in suite {VERSION}; there are: {'; '.join(tasks)}")
+    return tasks[name]

@@ -15,7 +15,7 @@ import trimesh
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.range_checks import format_distance
+from reconstruction._src.base.range_checks import check_choice, format_distance
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.geometry.halfspaces import find_box
 from reconstruction._src.geometry.mesh_repair import simplify
@@ -102,8 +102,7 @@ class Arena:
         check_names(self.name, self.friction_source)
         check_friction(self.friction)
         object.__setattr__(self, "objects", check_objects(self.objects))
-        if self.kind not in CONTACT_KINDS:
-            raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        check_choice("kind", self.kind, CONTACT_KINDS, ArenaError)
         if (self.kind == "mixed") != (self.primitives is not None):
             raise ArenaError(f"kind is {self.kind!r}; 'mixed' has primitives, and no other kind has some")
         if (self.kind == "hfield") != (self.height_field is not None):

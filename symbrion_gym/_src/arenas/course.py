@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from reconstruction._src.base.range_checks import check_choice
 from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
@@ -208,8 +209,7 @@ def make_course(fields: dict[str, Any]) -> Course | StairsCourse:
     """Make a course of what `as_dict` returned."""
     values = dict(fields)
     kind = values.pop("kind", None)
-    if not isinstance(kind, str) or kind not in COURSES:
-        raise ArenaError(f"course.kind is {kind!r}; there are: {', '.join(COURSES)}")
+    check_choice("course.kind", kind, tuple(COURSES), ArenaError)
     try:
         return as_type(values, COURSES[kind], "course")
     except JsonError as error:
@@ -238,9 +238,8 @@ def make_simple_surface(course: Course | StairsCourse) -> trimesh.Trimesh:
 
 
 def _check_sizes(course: Course | StairsCourse, names: tuple[str, ...]) -> None:
-    if course.color_pattern is not None and course.color_pattern not in PATTERNS:
-        known = f"there are: {', '.join(PATTERNS)}, or None"
-        raise ArenaError(f"color_pattern is {course.color_pattern!r}; {known}")
+    if course.color_pattern is not None:
+        check_choice("color_pattern", course.color_pattern, tuple(PATTERNS), ArenaError)
     for name in names:
         value = getattr(course, name)
         if not 0.0 < value <= _LONGEST:

@@ -7,6 +7,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from reconstruction._src.base.range_checks import check_choice, check_counts, check_positive
 from reconstruction._src.geometry.elevation import Elevation
 from symbrion_gym._src.contact.quality import ArenaQuality
 from symbrion_gym._src.errors import ArenaError
@@ -40,16 +41,10 @@ class ContactOptions:
     for_size: float = 0.105  # of the smallest wheel or body that will drive there [m]
 
     def __post_init__(self) -> None:
-        if self.kind not in CONTACT_CHOICES:
-            raise ArenaError(
-                f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_CHOICES)}"
-            )
-        for name in ("accuracy", "thickness", "time_limit", "reach", "for_size"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < float("inf"):
-                raise ArenaError(f"{name} must be above 0, got {value}")
-        if self.max_pieces < 1:
-            raise ArenaError(f"max_pieces must be 1 or more, got {self.max_pieces}")
+        check_choice("kind", self.kind, CONTACT_CHOICES, ArenaError)
+        numbers = ("accuracy", "thickness", "time_limit", "reach", "for_size")
+        check_positive(self, [name for name in numbers if getattr(self, name) is not None], ArenaError)
+        check_counts(self, ("max_pieces",), ArenaError)
 
 
 class HeightField(NamedTuple):

@@ -71,14 +71,10 @@ class ArenaQuality:
     readings: float | None = None  # median distance of the readings of level ground from the surface [m]
 
     def __post_init__(self) -> None:
-        for name in (*_DISTANCES, "num_pieces"):
-            value = getattr(self, name)
-            if value is not None and not value >= 0:
-                raise ArenaError(f"{name} is {value}; 0 or more is needed")
-        for name in _SHARES:
-            value = getattr(self, name)
-            if value is not None and not 0 <= value <= 1:
-                raise ArenaError(f"{name} is {value}; a share from 0 to 1 is needed")
+        for name in (*_DISTANCES, "num_pieces", *_SHARES):
+            value, most = getattr(self, name), 1 if name in _SHARES else np.inf
+            if value is not None and not 0 <= value <= most:
+                raise ArenaError(f"{name} is {value}; a number from 0 to {most} is needed")
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields, for JSON: without those not measured, None where there was nothing to measure on."""

@@ -246,10 +246,8 @@ def add_tracks(
     Raises:
         OrganismError: a value is out of range, there is no such size or body, or a name is taken.
     """
-    known = [field.name for field in fields(TracksConfig)]
-    unknown = sorted(set(sizes) - set(known))
-    if unknown:
-        raise OrganismError(f"tracks have no {unknown[0]!r}; there are: {', '.join(known)}")
+    for name in sizes:
+        check_choice("tracks", name, [field.name for field in fields(TracksConfig)], OrganismError)
     config = replace(config or TracksConfig(), **sizes)
     carrier = spec.body(body) if isinstance(body, str) else body
     if carrier is None:

@@ -131,7 +131,7 @@ def test_it_survives_xml_and_attaching(model: str) -> None:
         ({"model": "chain"}, "there are: belts, wheels"),
         ({"num_wheels": 1}, "2 or more"),
         ({"position": (0.0, float("inf"), 0.0)}, "position"),
-        ({"size": 1.0}, "tracks have no 'size'; there are: length"),
+        ({"size": 1.0}, "tracks: there is no 'size'; there are: length"),
         ({"prefix": ""}, "give another prefix"),
     ],
 )
