@@ -120,7 +120,9 @@ def run_warp(setting: Setting, device: str) -> Iterator[Moment]:
     for each in setting.control:
         control[:] = each
         engine.step()
-        yield Moment(qpos.copy(), list(map(_sort, engine.list_contacts())))
+        found, contact = int(engine._data.nacon.numpy()[0]), engine._data.contact
+        geoms, worlds = contact.geom.numpy()[:found].reshape(-1, 2), contact.worldid.numpy()[:found]
+        yield Moment(qpos.copy(), [_sort(geoms[worlds == row]) for row in range(count)])
 
 
 def _sort(geoms: np.ndarray) -> Pairs:

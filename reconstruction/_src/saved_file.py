@@ -56,9 +56,7 @@ def read_saved(path: str | os.PathLike[str], max_bytes: float) -> dict[str, Any]
         )
     try:
         network, config_type = find_method(header["method"])
-        header["config"].pop(
-            "insertion", None
-        )  # of other rules than that of the mode, which older files name
+        header["config"].pop("insertion", None)  # older files name the rule of the growing grid
         config = make_config(config_type, header["config"])
         state = network.State(**{name: arrays[f"state_{name}"] for name in network.State._fields})
         _check_state(state)

@@ -71,6 +71,9 @@ def test_quality_is_told() -> None:
         0.004, 0.02, 0.1, 12, uncovered=0.005, beams_contact=0.78, beams_surface=0.79, free_space=0.01
     )
     text = describe_quality(quality)
-    assert "12 pieces; surface within reach to contact: mean 4 mm, 95 % 20 mm, max 100 mm; 0.5% without contact" in text
+    assert (
+        "12 pieces; surface within reach to contact: mean 4 mm, 95 % 20 mm, max 100 mm; 0.5% without contact"
+        in text
+    )
     assert "78.0% on contact, 79.0% on the surface" in text
     assert "beams" not in describe_quality(QUALITY)

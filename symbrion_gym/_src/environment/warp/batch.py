@@ -214,12 +214,6 @@ class WarpEngine:
                 self.max_contacts,
             )
 
-    def list_contacts(self) -> list[Int[np.ndarray, "C 2"]]:
-        """Return the geoms of the contacts of every simulation in the last physics step."""
-        count, contact = int(self._data.nacon.numpy()[0]), self._data.contact
-        geoms, worlds = contact.geom.numpy()[:count].reshape(-1, 2), contact.worldid.numpy()[:count]
-        return [geoms[worlds == row] for row in range(self.nsim)]
-
 
 def _adapt(model: mujoco.MjModel) -> mujoco.MjModel:
     """Switch off what Warp does not know; return the model."""

@@ -125,8 +125,8 @@ def _find_walls(sight: Sight, center: Vectors, normal: Vectors) -> Float[np.ndar
     origins = np.repeat(center.T, _NUM_SPOKES, axis=1)
     is_near = sight.may_hit(origins, spokes.reshape(3, -1), _RADIUS).reshape(-1, _NUM_SPOKES)
     near = np.flatnonzero(is_near.any(axis=1))
-    counts = np.full(len(near), _NUM_SPOKES)
-    distance = sight.cast_fans(center[near], spokes[:, near].reshape(3, -1).T, counts)
+    ways, counts = spokes[:, near].reshape(3, -1).T, np.full(len(near), _NUM_SPOKES)
+    distance = sight.cast_fans(center[near], ways, counts)
     wall[near] = np.maximum(_RADIUS - distance.reshape(-1, _NUM_SPOKES).min(axis=1, initial=np.inf), 0.0)
     return wall
 
