@@ -114,7 +114,7 @@ def test_what_bodies_with_it_have_learned_is_read_where_it_is_allowed(tmp_path):
     unknown, known = ev.load_run(tmp_path / "run"), ev.load_run(tmp_path / "run", ALLOW)
     assert (unknown.results, unknown.champion) == ((), run.champion)
     assert (known.results, known.champion) == (run.results, run.champion)
-    with pytest.raises(ev.RunError, match="was not allowed"):
+    with pytest.raises(ev.RunError, match="is not allowed"):
         ev.confirm(unknown, simulate=made_bodies.simulate)
     assert ev.confirm(known, 3, simulate=made_bodies.simulate).champion.trials
 
