@@ -211,14 +211,11 @@ class Senses:
         directions = frames @ self._directions.T
         near, ahead = (part[..., :NUM_UNITS].reshape(3, -1) for part in (origins, directions))
         rays = np.flatnonzero(sight.may_hit(near, ahead, float(self._ranges[0])))
-        short = np.full(count * NUM_UNITS, np.inf)
-        short[rays] = sight.cast_fans(near.T[rays], ahead.T[rays], np.ones(len(rays), np.int64))
-        beams = sight.cast_fans(
-            origins[..., NUM_UNITS].T,
-            directions[..., NUM_UNITS:].reshape(3, -1).T,
-            np.full(count, num - NUM_UNITS),
-        )
-        nearest = np.concatenate([short.reshape(count, -1), beams.reshape(count, -1)], axis=1)
+        nearest, fans = np.full((count, num), np.inf), directions[..., NUM_UNITS:].reshape(3, -1).T
+        nearest[np.divmod(rays, NUM_UNITS)] = sight.cast_fans(near.T[rays], ahead.T[rays], np.ones_like(rays))
+        counts = np.full(count, num - NUM_UNITS)
+        beams = sight.cast_fans(origins[..., NUM_UNITS].T, fans, counts)
+        nearest[:, NUM_UNITS:] = beams.reshape(count, -1)
         for part, chosen in zip(self._pair(state), (slice(NUM_UNITS), slice(NUM_UNITS, num)), strict=True):
             first, second = np.nonzero(part)
             hits = sight.cast_on_robots(origins[..., chosen], directions[..., chosen], state, first, second)

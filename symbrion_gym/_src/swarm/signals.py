@@ -140,13 +140,12 @@ def compute_light(
     pair, receiver = np.nonzero(clear[sender] & is_ahead)
     side_axis = unit_axis[:, ::2]
     front = dot_rows(unit_place[:, ::2], side_axis).take(receiver, axis=0)
-    row, side = np.nonzero(
-        dot_rows(start.take(pair, axis=0)[:, None], side_axis.take(receiver, axis=0)) > front
-    )
+    place = start.take(pair, axis=0)[:, None]
+    row, side = np.nonzero(dot_rows(place, side_axis.take(receiver, axis=0)) > front)
     pair, receiver = pair[row], receiver[row]
     lit = len(SIDES) * receiver + side
     readings = compute_readings(
-        start.take(pair, axis=0)[:, None],
+        place.take(row, axis=0),
         start_axis.take(pair, axis=0)[:, None],
         unit_place.reshape(-1, 2, 3).take(lit, axis=0),
         unit_axis.reshape(-1, 2, 3).take(lit, axis=0),

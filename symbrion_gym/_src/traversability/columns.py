@@ -78,10 +78,7 @@ class Crossings(NamedTuple):
 
 
 def find_crossings(grid: Grid, corners: Triangles, margin: Margins | float = 0.0) -> Crossings:
-    """Return where vertical lines through the centers of cells meet triangles, triangle by triangle.
-
-    Each triangle reaches beyond its edges by a margin [m].
-    """
+    """Return where vertical lines through the centers of cells meet triangles, each wider by a margin [m]."""
     margin = np.broadcast_to(np.maximum(margin, _ROUNDING), len(corners))
     low, high = (corners[..., :2].min(axis=1).T - margin).T, (corners[..., :2].max(axis=1).T + margin).T
     last_cell = np.asarray(grid.shape) - 1

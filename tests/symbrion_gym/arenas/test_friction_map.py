@@ -108,7 +108,7 @@ def test_height_fields_have_one_friction() -> None:
     quality = ArenaQuality(0.0, 0.0, 0.0, 0)
     surface = trimesh.creation.box((1.0, 1.0, 0.1))
     found = FrictionMap((FrictionPatch(0.2, (DIAMOND,)),))
-    with pytest.raises(ArenaError, match="of the kind .convex. for patches"):
+    with pytest.raises(ArenaError, match="of the kind 'convex' for patches"):
         Arena("a", [], surface, quality, kind="hfield", height_field=heights, friction_map=found)
 
 
