@@ -197,6 +197,7 @@ def train(
         verdict = arenas[0].verdict
         if verdict.answer == "no":
             raise RunError(f"{verdict}; symbrion view {folder / HALVES[0]} shows it")
+        progress("choosing the way", 0.25)
         config = choose_task(arenas, folder, body, start, goal, seed, workers)
         run = evolve_or_resume(config, search)
         progress("judging the champion", 1.0 - (_JUDGING + _PAGE) / length)
