@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
@@ -12,14 +11,11 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from reconstruction._src.base.typed_json import JsonError, as_type
 from reconstruction._src.geometry.elevation import Elevation
-from reconstruction._src.geometry.rows import compute_areas
 from reconstruction._src.geometry.sampling import sample_cells
 from symbrion_gym._src.errors import ArenaError
 
 Vectors = Float[np.ndarray, "R 3"]  # Of each ray: its origin [m], or its direction
 
-_FEWEST_VERTICES = 4  # MuJoCo takes no mesh of fewer, such as one triangle
-_LEAST_AREA = 1e-12  # Triangles with less are no shape [m²]; a ray hits their neighbors
 _SPACING = 0.01  # Distance of vertical lines [m]
 _MAX_RAYS = 400_000  # They are farther apart where there would be more: bounds time and memory
 _MARGIN = 0.02
@@ -153,57 +149,15 @@ class RayMesh:
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh]) -> None:
         """Build the tree."""
-        self._middle, self._model = np.zeros(3), None
-        vertices, faces = join_meshes(meshes)
-        faces = faces[compute_areas(vertices, faces) > _LEAST_AREA]
-        if not len(faces):
-            return
-        used, index = np.unique(faces, return_inverse=True)
-        vertices = vertices[used]
-        self._middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2  # MuJoCo keeps vertices as float32
-        vertices -= self._middle
-        vertices = np.pad(vertices, ((0, max(0, _FEWEST_VERTICES - len(vertices))), (0, 0)))
-        spec = mujoco.MjSpec()
-        spec.add_mesh(
-            name="triangles",
-            uservert=vertices.ravel(),
-            userface=index.astype(np.int32).ravel(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-        spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH, meshname="triangles", contype=0, conaffinity=0
-        )
-        self._model = spec.compile()
-        self._data = mujoco.MjData(self._model)
-        mujoco.mj_kinematics(self._model, self._data)
+        import igl
 
-    def cast(self, origins: Vectors, directions: Vectors) -> Float[np.ndarray, " R"]:
-        """Return the distance of the first triangle along each ray [m]; inf where there is none."""
-        distances = np.full(len(origins), np.inf)
-        if self._model is None or not len(origins):
-            return distances
-        if (origins == origins[0]).all():
-            return self.cast_fans(origins[:1], directions, np.array([len(directions)]))
-        places, group = np.unique(origins, axis=0, return_inverse=True)
-        order = np.argsort(group.ravel(), kind="stable")
-        distances[order] = self.cast_fans(places, directions[order], np.bincount(group.ravel()))
-        return distances
+        self._mesh, self._tree = join_meshes(meshes), igl.AABB()
+        if len(self._mesh[1]):
+            self._tree.init(*self._mesh)
 
-    def cast_fans(
-        self, origins: Float[np.ndarray, "F 3"], directions: Vectors, counts: Int[np.ndarray, " F"]
-    ) -> Float[np.ndarray, " R"]:
-        """Return the distance of the first triangle along each ray of fans [m]; inf where there is none."""
-        count = len(directions)
-        if self._model is None or not count:
-            return np.full(count, np.inf)
-        distances, geoms = np.empty(count), np.full(count, -1, np.int32)
-        flat, stops = np.ascontiguousarray(directions).ravel(), np.cumsum(counts).tolist()
-        start = 0
-        for place, stop in zip(np.ascontiguousarray(origins - self._middle), stops, strict=True):
-            if stop > start:
-                mujoco.mj_multiRay(
-                    self._model, self._data, place, flat[3 * start : 3 * stop], None, True, -1,
-                    geoms[start:stop], distances[start:stop], None, stop - start, mujoco.mjMAXVAL,
-                )  # fmt: skip
-            start = stop
-        return np.where(geoms < 0, np.inf, distances)
+    def cast(self, origins: Vectors, directions: Vectors, reach: float = np.inf) -> Float[np.ndarray, " R"]:
+        """Return the distance of the first triangle along each ray, in lengths of its direction; inf: none in reach."""
+        if not len(self._mesh[1]) or not len(origins):
+            return np.full(len(origins), np.inf)
+        triangles, distances, _ = self._tree.intersect_ray_first(*self._mesh, origins, directions, reach)
+        return np.where(np.asarray(triangles) < 0, np.inf, distances)

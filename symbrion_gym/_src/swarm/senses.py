@@ -15,8 +15,6 @@ from symbrion_gym._src.robot.scout import find_scout_rays
 from symbrion_gym._src.robot.scout_constants import ScoutConfig, SensorNoise
 from symbrion_gym._src.swarm.world import SwarmCommands, SwarmState
 
-_CELL = 0.05  # Edge of the cells of the highest surface [m]: half of a robot
-_MOST_CELLS = 4_000_000  # Cells are wider where there would be more of them
 _MOST_TESTS = 4_000_000  # Of third robots between two, at once: 16 MB an array
 _LEAST = 1e-12  # Components of directions are not smaller than this: no division by zero
 
@@ -28,7 +26,6 @@ class Sight(RayMesh):
         super().__init__([arena.surface])
         self._half = np.array(scout.size) / 2
         self.robot_radius = float(np.linalg.norm(self._half))  # Of a ball about the chassis [m]
-        self._low, self._cell, self._top = _find_tops(np.asarray(arena.surface.triangles))
 
     def cast_on_robots(
         self,
@@ -67,11 +64,8 @@ class Sight(RayMesh):
         is_shaded = [self._find_shaded(single, first[rows], second[rows]) for rows in parts]
         left = np.flatnonzero(~np.concatenate(is_shaded))
         first, second = first[left], second[left]
-        length = np.maximum(np.sqrt(squares[first, second]), _LEAST)
-        counts, clear = np.bincount(first, minlength=len(place)), np.zeros(squares.shape, bool)
-        clear[first, second] = (
-            self.cast_fans(place, between[first, second] / length[:, None], counts) >= length
-        )
+        clear = np.zeros(squares.shape, bool)
+        clear[first, second] = np.isinf(self.cast(place[first], between[first, second], 1.0))
         return clear | clear.T
 
     def _find_shaded(
@@ -87,40 +81,6 @@ class Sight(RayMesh):
         gap -= along
         is_between &= gap < self._half[1] ** 2
         return is_between.any(axis=0)
-
-    def may_hit(
-        self, origins: Float[np.ndarray, "3 R"], directions: Float[np.ndarray, "3 R"], reach: float
-    ) -> Bool[np.ndarray, " R"]:
-        """Return which rays come below the highest surface of a cell that they pass within reach [m]."""
-        steps = int(np.ceil(reach / self._cell))
-        along = np.arange(steps + 1)[:, None] * (reach / steps)
-        x, y, z = (begin + along * way for begin, way in zip(origins, directions, strict=True))
-        i, j = (
-            np.minimum(np.maximum((value - low) / self._cell, 0).astype(np.int64), count - 1)
-            for value, low, count in zip((x, y), self._low, self._top.shape, strict=True)
-        )
-        lowest = z - self._cell * np.abs(directions[2])
-        return np.any(lowest <= self._top[i, j], axis=0)
-
-
-def _find_tops(
-    triangles: Float[np.ndarray, "T 3 3"],
-) -> tuple[Float[np.ndarray, " 2"], float, Float[np.ndarray, "X Y"]]:
-    """Return corner, edge and heights of a grid: the highest surface in and next to each cell [m]; -inf for none."""
-    from scipy.ndimage import grey_dilation
-
-    low, high = triangles[..., :2].min(axis=(0, 1)), triangles[..., :2].max(axis=(0, 1))
-    cell = max(_CELL, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
-    low = low - 2 * cell
-    top = np.full(tuple(np.ceil((high + 2 * cell - low) / cell).astype(np.int64)), -np.inf)
-    first, last = (
-        np.floor((ends - low) / cell).astype(np.int64)
-        for ends in (triangles[..., :2].min(axis=1), triangles[..., :2].max(axis=1))
-    )
-    for (i, j), (k, m), z in zip(first, last, triangles[..., 2].max(axis=1), strict=True):
-        part = top[i : k + 1, j : m + 1]
-        np.maximum(part, z, out=part)
-    return low, cell, grey_dilation(top, size=(3, 3), mode="nearest")
 
 
 NUM_UNITS = 8
@@ -209,14 +169,11 @@ class Senses:
         frames = state.rotation.transpose(1, 0, 2)
         origins = frames @ self._origins.T + state.position.T[..., None]
         directions = frames @ self._directions.T
-        near, ahead = (part[..., :NUM_UNITS].reshape(3, -1) for part in (origins, directions))
-        rays = np.flatnonzero(sight.may_hit(near, ahead, float(self._ranges[0])))
-        nearest, fans = np.full((count, num), np.inf), directions[..., NUM_UNITS:].reshape(3, -1).T
-        nearest[np.divmod(rays, NUM_UNITS)] = sight.cast_fans(near.T[rays], ahead.T[rays], np.ones_like(rays))
-        counts = np.full(count, num - NUM_UNITS)
-        beams = sight.cast_fans(origins[..., NUM_UNITS].T, fans, counts)
-        nearest[:, NUM_UNITS:] = beams.reshape(count, -1)
+        nearest = np.empty((count, num))
         for part, chosen in zip(self._pair(state), (slice(NUM_UNITS), slice(NUM_UNITS, num)), strict=True):
+            rays = (ends[..., chosen].reshape(3, -1).T for ends in (origins, directions))
+            hits = sight.cast(*rays, reach=self._ranges[chosen].max(initial=0.0))
+            nearest[:, chosen] = hits.reshape(count, -1)
             first, second = np.nonzero(part)
             hits = sight.cast_on_robots(origins[..., chosen], directions[..., chosen], state, first, second)
             begins = np.flatnonzero(np.diff(first, prepend=-1))

@@ -107,6 +107,7 @@ def test_rays_hit_the_first_triangle_from_either_side():
     origins = np.array([[0.0, 0, 0], [1.5, 0, 0], [0, 0, 0]])
     directions = np.array([[1.0, 0, 0], [1, 0, 0], [-1, 0, 0]])
     assert rays.cast(origins, directions) == pytest.approx([1.0, 0.5, np.inf])
+    assert rays.cast(origins, 2 * directions, reach=0.4) == pytest.approx([np.inf, 0.25, np.inf])
     assert np.isinf(RayMesh([]).cast(origins, directions)).all()
     lone = trimesh.Trimesh([[1.0, -1, -1], [1, 1, -1], [1, 0, 1]], [[0, 1, 2]], process=False)
     assert RayMesh([lone]).cast(origins, directions) == pytest.approx([1.0, np.inf, np.inf])

@@ -118,17 +118,12 @@ def fit_ground(
 
 def _find_walls(sight: Sight, center: Vectors, normal: Vectors) -> Float[np.ndarray, " N"]:
     """Return how far the surface reaches into the disc about each center, across the normal [m]."""
-    wall, center = np.zeros(len(center)), np.nan_to_num(center)
-    flat = np.nan_to_num(normal, nan=0.0)
+    center, flat = np.nan_to_num(center), np.nan_to_num(normal, nan=0.0)
     flat[flat[:, 2] == 0.0] = [0.0, 0.0, 1.0]
-    spokes = make_rotations(flat, np.zeros(len(flat))).transpose(1, 0, 2) @ _SPOKES.T
-    origins = np.repeat(center.T, _NUM_SPOKES, axis=1)
-    is_near = sight.may_hit(origins, spokes.reshape(3, -1), _RADIUS).reshape(-1, _NUM_SPOKES)
-    near = np.flatnonzero(is_near.any(axis=1))
-    ways, counts = spokes[:, near].reshape(3, -1).T, np.full(len(near), _NUM_SPOKES)
-    distance = sight.cast_fans(center[near], ways, counts)
-    wall[near] = np.maximum(_RADIUS - distance.reshape(-1, _NUM_SPOKES).min(axis=1, initial=np.inf), 0.0)
-    return wall
+    spokes = make_rotations(flat, np.zeros(len(flat))) @ _SPOKES.T
+    ways = spokes.transpose(0, 2, 1).reshape(-1, 3)
+    distance = sight.cast(np.repeat(center, _NUM_SPOKES, axis=0), ways, _RADIUS)
+    return np.maximum(_RADIUS - distance.reshape(-1, _NUM_SPOKES).min(axis=1), 0.0)
 
 
 def _fit_planes(
