@@ -42,7 +42,7 @@ from evolution._src.search.run import RunFolder, load_champion
 from evolution._src.search.validation import Validation
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.base.range_checks import as_integers
+from reconstruction._src.base.range_checks import as_integers, format_count
 
 OnGeneration = Callable[[Any], None]
 """Called with the run so far after each generation; the last row of `run.history` has the latest numbers."""
@@ -104,7 +104,7 @@ def resume(
             `stop_when_solved`.
 
     Raises:
-        RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
+        RunError: there is no run, or it is damaged, contradicts its configuration, is longer, or is being written.
     """
     run_folder = RunFolder(folder)
     if not run_folder.has_run():
@@ -117,6 +117,9 @@ def resume(
         # A file does not choose whom to connect to.
         config = replace(stored, folder=str(folder), **{"address": None, **changes}).restore(allow)
         record = run_folder.read_record(config)
+        if f"{config.STEP}s" in changes and config.length < record.num_generations:
+            have = format_count(record.num_generations, config.STEP)
+            raise RunError(f"{config.STEP}s is {config.length}, but the run has {have}; give that or more")
         if simulate is None and config.length > record.num_generations:
             _prepare(config, progress)
         if config != stored:

@@ -98,6 +98,12 @@ def test_runtime_fields_may_change_and_those_that_decide_results_may_not(run, tm
     assert load_run(tmp_path).config == changed.config
 
 
+def test_a_run_does_not_become_shorter(run, tmp_path):
+    with pytest.raises(RunError, match="generations is 2, but the run has 3 generations; give that or more"):
+        resume(tmp_path, generations=2, simulate=toys.bowl)
+    assert len(resume(tmp_path, generations=3, simulate=toys.bowl).history) == 3
+
+
 def test_a_moved_folder_is_resumed_where_it_is(run, tmp_path):
     moved = tmp_path.rename(tmp_path.with_name("moved"))
     again = resume(moved, generations=4, simulate=toys.bowl)
