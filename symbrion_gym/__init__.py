@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.organism import Organism, cross, snake
     from symbrion_gym._src.robot.scout import ScoutConfig, make_scout
     from symbrion_gym._src.sensing.friction_drive import SlipNoise
-    from symbrion_gym._src.sensing.rangefinder import Camera, RangeFinder
+    from symbrion_gym._src.sensing.rangefinder import RangeFinder
     from symbrion_gym._src.sensing.survey import survey
     from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot
     from symbrion_gym._src.sensing.timing import timing
@@ -41,7 +41,6 @@ register()
 __all__ = [
     "Arena",
     "ArenaError",
-    "Camera",
     "CameraConfig",
     "Course",
     "Footprint",

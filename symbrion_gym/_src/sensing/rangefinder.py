@@ -1,4 +1,4 @@
-"""Range finders and cameras at a site of a running simulation, by casting rays on exact surfaces."""
+"""Range finders at a site of a running simulation, by casting rays on exact surfaces."""
 
 from collections.abc import Callable, Iterable
 from copy import copy
@@ -6,15 +6,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.range_checks import check_choice
-from symbrion_gym._src.arenas.arena import Arena
 from symbrion_gym._src.arenas.spec import CONTACT_GROUP
-from symbrion_gym._src.contact.distances import find_nearest
 from symbrion_gym._src.errors import SurveyError
-from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, expose
+from symbrion_gym._src.sensing.survey_robot import LaserScanner
 from symbrion_gym._src.sensing.survey_world import cast_rays
 
 
@@ -107,97 +104,3 @@ def _find_id(find: Callable[[Any], Any], what: str, name: str | int) -> int:
         return int(find(name).id)
     except (KeyError, IndexError) as error:
         raise SurveyError(f"the model has no {what} {name!r}: {error.args[0]}") from error
-
-
-_FARTHEST = 50.0  # What is farther is not seen [m]
-_ON_SURFACE = 0.01  # What is farther from the arena's surface is another body [m]
-_BODY, _SKY = 0.4, 0.0  # Gray of other bodies, and of what is not there
-_AXES = {"x": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "z": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]}
-"""Axis that the camera looks along -> ahead, left and up, in the frame of the site."""
-
-
-class Camera:
-    """A camera at a site: what it would see there now.
-
-    It sees the colors of the arena; other bodies are gray.
-
-    Attributes:
-        config: exposure and noise.
-    """
-
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        site: str | int,
-        arena: "Arena",
-        config: CameraConfig | None = None,
-        *,
-        axis: str = "x",
-        exclude: Iterable[str] | None = None,
-    ) -> None:
-        """Bind names to the model.
-
-        Args:
-            model: the compiled model, with the arena in it.
-            site: name or id of the site.
-            arena: whose surface has colors.
-            config: None for the defaults; its `offset` is not used.
-            axis: of the site that the camera looks along: "x", or "z" as for the sites of a Scout's laser.
-            exclude: names of the bodies that are not seen. Default: that of the site.
-
-        Raises:
-            SurveyError: no such site, body or axis, or the arena has no colors.
-        """
-        check_choice("axis", axis, tuple(_AXES), SurveyError)
-        if arena.texture is None:
-            raise SurveyError(
-                f"camera: the arena {arena.name!r} has no colors; give it some by sg.color_arena"
-            )
-        self.config = config or CameraConfig()
-        self._arena, self._frame = arena, np.array(_AXES[axis], dtype=np.float64)
-        self._finder = RangeFinder(model, site, LaserScanner(max_range=_FARTHEST), exclude=exclude)
-
-    def look(
-        self,
-        data: mujoco.MjData,
-        rng: np.random.Generator | None = None,
-        *,
-        width: int = 160,
-        height: int = 120,
-        fovy: float = np.radians(60.0),
-    ) -> UInt8[np.ndarray, "{height} {width} 3"]:
-        """Return a picture without distortion, the first row the upper one.
-
-        Args:
-            data: a state whose positions are computed.
-            rng: source of exposure and noise; None: without errors.
-            width: pixels.
-            height: pixels.
-            fovy: angle from the lowest to the highest pixel [rad].
-        """
-        if width < 1 or height < 1 or not 0 < fovy < np.pi:
-            raise SurveyError(
-                f"camera: width, height and fovy must be above 0, fovy below pi, got {width}, {height}, {fovy}"
-            )
-        step = 2 * np.tan(fovy / 2) / height
-        left = (width / 2 - 0.5 - np.arange(width)) * step
-        up = (height / 2 - 0.5 - np.arange(height)) * step
-        grid = np.stack(np.broadcast_arrays(1.0, left[None, :], up[:, None]), axis=-1).reshape(-1, 3)
-        colors = self._see(data, grid / np.linalg.norm(grid, axis=1, keepdims=True))
-        return expose(colors, self.config, rng).reshape(height, width, 3)
-
-    def _see(self, data: mujoco.MjData, directions: Float[np.ndarray, "R 3"]) -> Float[np.ndarray, "R 3"]:
-        """Return the colors (0 to 1) of what is in directions: ahead, left, up."""
-        finder = self._finder
-        finder.directions = directions @ self._frame
-        ranges = finder.read(data)
-        rotation = data.site_xmat[finder.site].reshape(3, 3)
-        is_hit = np.isfinite(ranges)
-        places = data.site_xpos[finder.site] + ranges[is_hit, None] * (finder.directions[is_hit] @ rotation.T)
-        colors = np.full((len(directions), 3), _SKY)
-        if is_hit.any():
-            surface = self._arena.surface
-            distance, _, _ = find_nearest(places, np.asarray(surface.vertices), np.asarray(surface.faces))
-            is_body = distance > _ON_SURFACE
-            colors[is_hit] = np.where(is_body[:, None], _BODY, self._arena.find_colors(places))
-        return colors

@@ -1,6 +1,5 @@
-"""Cameras of the survey and of a simulation."""
+"""The camera of the survey."""
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -103,39 +102,3 @@ def test_a_course_without_a_pattern_says_nothing_of_one():
     assert "color_pattern" not in sg.Course().as_dict()
     with pytest.raises(ArenaError, match="checker, gradient"):
         sg.Course(color_pattern="tartan")
-
-
-def make_model(arena):
-    spec = arena.spec()
-    body = spec.worldbody.add_body(name="robot", pos=[-2.5, 0.0, 0.4])
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0])
-    body.add_site(name="eye", quat=[np.cos(0.35), 0, np.sin(0.35), 0])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return model, data
-
-
-def test_a_camera_in_a_simulation_sees_the_arena(truth):
-    model, data = make_model(truth)
-    camera = sg.Camera(model, "eye", truth)
-    picture = camera.look(data, width=32, height=24)
-    assert picture.shape == (24, 32, 3)
-    ahead = np.array([[-2.5 + 0.4 / np.tan(0.7), 0.0, 0.0]])
-    assert picture[11:13, 15:17].mean(axis=(0, 1)) / 255 == pytest.approx(
-        truth.find_colors(ahead)[0], abs=0.03
-    )
-    noisy = [camera.look(data, np.random.default_rng(3), width=8, height=8) for _ in range(2)]
-    assert np.array_equal(*noisy)
-
-
-def test_cameras_that_see_nothing_are_refused(truth):
-    model, data = make_model(truth)
-    with pytest.raises(SurveyError, match="no colors"):
-        sg.Camera(model, "eye", sg.Arena.from_course(sg.Course()))
-    with pytest.raises(SurveyError, match="axis"):
-        sg.Camera(model, "eye", truth, axis="y")
-    with pytest.raises(SurveyError, match="eye"):
-        sg.Camera(model, "nose", truth)
-    with pytest.raises(SurveyError, match="width"):
-        sg.Camera(model, "eye", truth).look(data, width=0)
