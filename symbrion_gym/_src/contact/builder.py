@@ -31,7 +31,7 @@ from symbrion_gym._src.contact.kinds import (
 from symbrion_gym._src.contact.patches import thicken_patches
 from symbrion_gym._src.contact.planes import find_planes, share_planes
 from symbrion_gym._src.contact.reach import Reach
-from symbrion_gym._src.contact.seams import clear_hidden_edges, close_seams
+from symbrion_gym._src.contact.seams import clear_hidden_edges
 from symbrion_gym._src.contact.simplification import (
     GROWTH,
     Shape,
@@ -56,7 +56,7 @@ _JOINING = 0.8  # Triangles are joined within this share of what patches aim at
 _MOST_PLANES = 40  # A terrain of more planes is rough ground, for which slabs are no model
 _HELD = 0.7  # Share of the ground that planes hold; of less, it is rough
 _MAX_SLABS = 64  # No more slabs than these: beyond, patches follow the ground as well in less time
-_MAX_TIDIED = 24  # Of more, seams stay open and none becomes a box: that compares every one with all others
+_MAX_BOXED = 24  # Of more slabs, none becomes a box: that compares every one with all others
 _MAX_PARTS = 16  # Slabs are not cut at creases into more parts than these
 
 _LEAST_DENSITY = 50.0  # Pieces over the area in plan, from which on a height field is looked for [1/m²]
@@ -150,9 +150,7 @@ def make_contact(
     problem = ContactProblem(surface, options, accuracy, is_two_sided, zone)
     special: dict[str, tuple[Pass, ...]] = {"hfield": (make_field,), "prisms": (make_prisms,)}
     field = (fit_height_field,) if options.kind == "auto" else ()
-    passes = special.get(
-        options.kind, (fit_slabs, fit_patches, *field, decompose_body, mend_seams, fit_boxes)
-    )
+    passes = special.get(options.kind, (fit_slabs, fit_patches, *field, decompose_body, fit_boxes))
     best, record = None, []
     for number, make in enumerate(passes):
         name = make.__name__.replace("_", " ")
@@ -312,24 +310,13 @@ def decompose_body(problem: ContactProblem, best: Contact | None) -> Contact | N
     return problem.measure(decompose(solid, problem.options.seed, problem.options.time_limit), "coacd")
 
 
-def mend_seams(problem: ContactProblem, best: Contact | None) -> Contact | None:
-    """Return few slabs with closed seams."""
-    if best is None or not _are_few_slabs(best):
-        return None
-    return problem.measure(close_seams(best.pieces, problem.top_ground), **best.notes)
-
-
 def fit_boxes(problem: ContactProblem, best: Contact | None) -> Contact | None:
     """Return few slabs cut at creases and turned into boxes."""
-    if best is None or not _are_few_slabs(best):
+    if best is None or best.notes["way"] != "slabs" or len(best.pieces) > _MAX_BOXED:
         return None
     most = min(problem.options.max_pieces, max(_MAX_PARTS, len(best.pieces)))
     boxed = turn_into_boxes(split_at_creases(best.pieces, most), problem.top_ground)
     return problem.measure(clear_hidden_edges(boxed, problem.top_ground), **best.notes)
-
-
-def _are_few_slabs(contact: Contact) -> bool:
-    return contact.notes["way"] == "slabs" and len(contact.pieces) <= _MAX_TIDIED
 
 
 def compute_miss(contact: Contact, accuracy: float, max_pieces: int) -> float:

@@ -1,10 +1,6 @@
-"""Convex pieces of a terrain made simpler and tighter where they meet, without moving the ground.
+"""Convex pieces of a terrain tighter where they meet, without moving the ground.
 
-Pieces come with needless corners (a ragged rim, cuts next to creases). Each is taken as an intersection of half-spaces:
-
-1. A side is moved outwards where that lifts no ground, so that neighbors overlap.
-2. A half-space that is not needed is dropped: fewer corners cost less in every contact.
-3. In the end, what is hidden beneath others goes, and hidden ends stop short of the crests that bodies slide over.
+What is hidden beneath others goes, and hidden ends stop short of the crests that bodies slide over.
 """
 
 import numpy as np
@@ -25,13 +21,8 @@ from reconstruction._src.geometry.sampling import sample_grid
 Halfspaces = Float[np.ndarray, "H 4"]  # Inside is a x + b y + c z + d <= 0
 Plane = Float[np.ndarray, " 4"]  # One of them
 
-_ON_PLANE = 1e-6  # What lies no farther beyond a plane lies on it: corners are rounded to 1 µm [m]
 _ON_FACE = 1e-4  # Corners this close to a plane belong to its face [m]
-_OVERLAP = 0.03  # Neighbors overlap by this, where that lifts no ground [m]
-_GROWTH = 0.05  # Dropping a half-space may let a piece grow by no more than this [m]
-_LIFT = 2e-4  # Ground lifted or lowered by less is not [m]
-_NOISE = 1e-3  # A piece may rise to the terrain, and this far above it [m]
-_CHANGE_POINTS = 48  # Points a side of the grid on which a change is looked at
+_LIFT = 2e-4  # Ground lifted by less is not [m]
 _SAME_SIDE = 1e-4  # Planes whose coefficients differ by less are one: corners are rounded to 1 µm
 _CLEARANCE = 5e-4
 """A hidden edge lies this far beneath the plane that bodies come from [m]: more than they sink in, and less
@@ -40,76 +31,6 @@ _MAX_MOVE = 0.01  # An end moves by no more than this [m]: on planes that hardly
 _REACH = 3e-3  # Edges this close to another piece are hidden by it [m]: boxes stand out by as much
 _EDGE_POINTS = 9  # Points along an edge that are looked at
 _PIECE_POINTS = 160  # Points a side of the grid on which a piece is looked at
-
-
-def close_seams(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
-    """Return pieces whose union is the same ground, with overlap and fewer corners."""
-    mended = list(pieces)
-    for change in (_widen, _simplify):
-        for i, piece in enumerate(mended):
-            mended[i] = change(piece, Elevation(*mended[:i], *mended[i + 1 :]), ground)
-    return mended
-
-
-def _is_hidden(
-    before: Halfspaces,
-    after: Float[np.ndarray, "G 4"],
-    points: Float[np.ndarray, "N 2"],
-    others: Elevation,
-    ground: Elevation,
-    air: bool,
-) -> bool:
-    """Return whether a piece that grew shows nowhere: beneath what was there, or (air) beyond the rim."""
-    old, new = compute_tops(before, points), compute_tops(after, points)
-    grew = new > old + _ON_PLANE
-    if not grew.any():
-        return True
-    points, old, new = points[grew], old[grew], new[grew]
-    height = ground.height(*points.T)
-    neighbors = np.nan_to_num(others.height(*points.T), nan=-np.inf)
-    is_lifted = (new > np.maximum(old, neighbors) + _LIFT) & ~(new < height + _NOISE)
-    return not (is_lifted & ~(air & np.isnan(height))).any()
-
-
-def _widen(piece: trimesh.Trimesh, others: Elevation, ground: Elevation) -> trimesh.Trimesh:
-    """Move each side of a piece outwards beneath its neighbors, where that lifts nothing."""
-    halfspaces, inner = compute_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
-    for k in range(len(halfspaces)):
-        if abs(halfspaces[k, 2]) > STEEP:
-            continue
-        wider = halfspaces.copy()
-        wider[k, 3] -= _OVERLAP
-        made = make_solid(wider, inner)
-        if made is None:
-            continue
-        vertices = np.asarray(made.vertices)
-        grown = vertices[vertices @ halfspaces[k, :3] + halfspaces[k, 3] > -_ON_PLANE]
-        face = np.asarray(piece.vertices)
-        face = face[face @ halfspaces[k, :3] + halfspaces[k, 3] > -_ON_FACE]
-        points = sample_grid(np.concatenate([grown, face]), _CHANGE_POINTS)
-        if len(grown) and _is_hidden(halfspaces, wider, points, others, ground, air=False):
-            piece, halfspaces = made, wider
-    return piece
-
-
-def _simplify(piece: trimesh.Trimesh, others: Elevation, ground: Elevation) -> trimesh.Trimesh:
-    """Drop the half-spaces of a piece that make no difference, the smallest faces first."""
-    first, inner = compute_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
-    kept = first
-    for plane in first[::-1]:
-        fewer = kept[~(kept == plane).all(axis=1)]
-        made = make_solid(fewer, inner) if len(fewer) >= 4 else None
-        if made is None:
-            continue
-        vertices = np.asarray(made.vertices)
-        growth = (vertices @ first[:, :3].T + first[:, 3]).max(axis=1)
-        if growth.max() > _GROWTH:
-            continue
-        is_new = vertices @ plane[:3] + plane[3] > -_ON_PLANE
-        points = sample_grid(vertices[is_new], _CHANGE_POINTS) if is_new.any() else np.zeros((0, 2))
-        if growth.max() < _ON_PLANE or _is_hidden(first, fewer, points, others, ground, air=True):
-            piece, kept = made, fewer
-    return piece
 
 
 def clear_hidden_edges(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:

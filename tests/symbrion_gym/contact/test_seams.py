@@ -1,4 +1,4 @@
-"""Seams, creases and boxes of convex pieces."""
+"""Creases, boxes and hidden edges of convex pieces."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from reconstruction._src.geometry.rows import make_hull
 from symbrion_gym._src.arenas.course import Course
 from symbrion_gym._src.contact import seams
 from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
-from symbrion_gym._src.contact.seams import clear_hidden_edges, close_seams
+from symbrion_gym._src.contact.seams import clear_hidden_edges
 
 COURSE = Course()
 FLOOR = [(-3.3, -0.2), (3.3, -0.2), (3.3, 0.0), (-3.3, 0.0)]
@@ -37,38 +37,6 @@ def find_change(before, after, margin: float = 0.0) -> float:
 @pytest.fixture
 def ground() -> Elevation:
     return Elevation(Course(pit=0.40).surface())
-
-
-def test_corners_that_nobody_needs_go(ground):
-    ragged = np.array([(x, y, z) for x in (-3.3, 3.3) for y in (-1.0, 1.0) for z in (-0.2, 0.0)])
-    bites = np.array([(x, y, z) for x in (-2.0, 0.0, 1.5) for y in (-1.01, 1.02) for z in (-0.2, 0.0)])
-    floor = make_hull(np.concatenate([ragged, bites]))
-    assert floor is not None
-    assert len(floor.vertices) == 16
-    mended = close_seams([floor, *extrude(WEDGE, mirror(WEDGE))], ground)
-    assert len(mended[0].vertices) <= 10
-    assert find_change([floor, *extrude(WEDGE, mirror(WEDGE))], mended) < 1e-3
-
-
-def test_cut_coplanar_pieces_overlap_afterwards(ground):
-    left = [(-3.3, -0.2), (-3.3, 0.0), (0.0, 0.0), (0.0, -0.2)]
-    mended = close_seams(extrude(left, mirror(left)), Elevation(Course(height=1e-6, pit=0.0).surface()))
-    assert mended[0].bounds[1, 0] > 0.02
-    assert mended[1].bounds[0, 0] < -0.02
-
-
-def test_a_low_step_stays_where_it_is():
-    left = [(-3.3, -0.2), (-3.3, 0.005), (0.0, 0.005), (0.0, -0.2)]
-    pieces = extrude(left, [(0.0, -0.2), (0.0, 0.0), (3.3, 0.0), (3.3, -0.2)])
-    assert find_change(pieces, close_seams(pieces, Elevation(*pieces))) < 1e-3
-
-
-def test_a_cut_off_corner_of_the_rim_stays(ground):
-    outline = ((-3.3, -1.0), (3.3, -1.0), (3.3, 0.7), (3.0, 1.0), (-3.3, 1.0))
-    floor = make_hull(np.array([(x, y, z) for x, y in outline for z in (-0.2, 0.0)]))
-    assert floor is not None
-    kept = close_seams([floor, *extrude(WEDGE)], Elevation(floor))[0]
-    assert kept.volume == pytest.approx(floor.volume)
 
 
 def test_a_course_becomes_boxes(ground):
