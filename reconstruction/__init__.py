@@ -9,7 +9,6 @@ from reconstruction._src.reconstruction import Reconstruction
 if TYPE_CHECKING:
     from reconstruction._src.base.errors import ReconstructionError, ReconstructionPackageError, ScanError
     from reconstruction._src.base.progress import Progress, silent
-    from reconstruction._src.knowledge.slip.drags import SlipPriors
     from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction._src.networks.gsrm.gsrm import GSRMConfig
     from reconstruction._src.objects.finding import FoundObject, find_objects
@@ -56,7 +55,6 @@ __all__ = [
     "ReconstructionPackageError",
     "ScanError",
     "ScanLog",
-    "SlipPriors",
     "SlipReadings",
     "TilesConfig",
     "choose_units",

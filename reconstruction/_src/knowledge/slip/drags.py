@@ -11,14 +11,12 @@ its tracks before one that it cannot climb, feels the ground as well.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from reconstruction._src.base.errors import ReconstructionError, ScanError
-from reconstruction._src.base.range_checks import check_not_negative
+from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.scans.slip_readings import SlipReadings
 
 _ROUNDING = 1e-6  # Times closer than this are the same [s]
@@ -38,33 +36,16 @@ _PAIR_DISTANCE = 0.2  # Drags in opposite directions closer than this are on the
 _REPLACED = 0.2
 """Old readings this close to a new one are out of date [m]: twice the way from one drag to the next."""
 
-
-@dataclass(frozen=True)
-class SlipPriors:
-    """What is known of the sensors before the robot drives (standard deviations).
-
-    Attributes:
-        gain: relative error of the force in the dock and of the mass, alike in all readings: a strain gauge is
-            calibrated with weights to 1 or 2 %.
-        load_bias: offset of the load, alike in all readings [N]; that of the pull is found from drags in both
-            directions.
-        pull_bias: offset of the pull before any drag [N].
-        tilt: angle between the frame of the sensors and the ground, by mounting, bending of the hinges and uneven
-            ground [rad]; friction is wrong by as much.
-        noise: standard deviation of the friction that one drag shows, at least: ground differs from place to place.
-
-    Raises:
-        ScanError: a number is negative.
-    """
-
-    gain: float = 0.015
-    load_bias: float = 0.15
-    pull_bias: float = 0.5
-    tilt: float = 0.008
-    noise: float = 0.01
-
-    def __post_init__(self) -> None:
-        check_not_negative(self, ("gain", "load_bias", "pull_bias", "tilt", "noise"), ScanError)
+# What is known of the sensors before the robot drives, as standard deviations (estimates):
+_GAIN = 0.015
+"""Relative error of the force in the dock and of the mass, alike in all readings: a strain gauge is calibrated with
+weights to 1 or 2 %."""
+_LOAD_BIAS = 0.15  # Offset of the load, alike in all readings [N]
+_PULL_BIAS = 0.5  # Offset of the pull before any drag [N]; drags in both directions tell it
+_TILT = 0.008
+"""Angle between the frame of the sensors and the ground, by mounting, bending of the hinges and uneven ground [rad];
+friction is wrong by as much."""
+_NOISE = 0.01  # Of the friction that one drag shows, at least: ground differs from place to place
 
 
 class FrictionReadings(NamedTuple):
@@ -88,18 +69,17 @@ class _Drags(NamedTuple):
     loads: Float[np.ndarray, " D"]
 
 
-def find_friction(readings: SlipReadings, priors: SlipPriors | None = None) -> FrictionReadings:
+def find_friction(readings: SlipReadings) -> FrictionReadings:
     """Return the friction at every place where tracks slipped."""
-    priors = priors or SlipPriors()
     drags = _select_drags(readings)
     if not len(drags.runs):
         nothing = np.zeros(0)
         return FrictionReadings(np.zeros((0, 3)), nothing, nothing, nothing, np.zeros(0, dtype=np.int64))
-    bias, bias_error = _estimate_pull_bias(drags, priors)
+    bias, bias_error = _estimate_pull_bias(drags)
     frictions = np.maximum(drags.signs * (drags.pulls - bias) / drags.loads, 0.0)
     load = np.median(drags.loads)
-    shared = np.hypot(frictions * np.hypot(priors.gain, priors.load_bias / load), priors.tilt)
-    sigmas = np.full(len(frictions), _estimate_noise(frictions, drags.runs, priors.noise))
+    shared = np.hypot(frictions * np.hypot(_GAIN, _LOAD_BIAS / load), _TILT)
+    sigmas = np.full(len(frictions), _estimate_noise(frictions, drags.runs, _NOISE))
     return FrictionReadings(drags.places, frictions, np.hypot(sigmas, bias_error / load), shared, drags.runs)
 
 
@@ -163,7 +143,7 @@ def _estimate_speed(readings: SlipReadings, part: Int[np.ndarray, " P"]) -> floa
     return float(np.polyfit(times, readings.positions[part] @ ahead, 1)[0])
 
 
-def _estimate_pull_bias(drags: _Drags, priors: SlipPriors) -> tuple[float, float]:
+def _estimate_pull_bias(drags: _Drags) -> tuple[float, float]:
     """Return the offset of the pull and its standard deviation [N].
 
     Two drags in opposite directions on the same ground: ``T_1 - b = mu N_1``, ``T_2 - b = -mu N_2``.
@@ -172,13 +152,13 @@ def _estimate_pull_bias(drags: _Drags, priors: SlipPriors) -> tuple[float, float
     apart = np.linalg.norm(drags.places[first + 1] - drags.places[first], axis=1)
     first = first[apart < _PAIR_DISTANCE]
     if not len(first):
-        return 0.0, priors.pull_bias
+        return 0.0, _PULL_BIAS
     one, other = 1 / drags.loads[first], 1 / drags.loads[first + 1]
     found = (drags.pulls[first] * one + drags.pulls[first + 1] * other) / (one + other)
     bias = float(np.median(found))
     spread = _GAUSSIAN * float(np.median(np.abs(found - bias)))
-    error = max(spread, priors.noise * float(np.median(drags.loads))) * np.sqrt(np.pi / 2 / len(found))
-    share = priors.pull_bias**2 / (priors.pull_bias**2 + error**2)
+    error = max(spread, _NOISE * float(np.median(drags.loads))) * np.sqrt(np.pi / 2 / len(found))
+    share = _PULL_BIAS**2 / (_PULL_BIAS**2 + error**2)
     return share * bias, float(np.sqrt(share) * error)
 
 
