@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     )
     from reconstruction._src.scans.depth_image import Intrinsics, load_depth_image
     from reconstruction._src.scans.frames import describe_odd_size
-    from reconstruction._src.scans.leveling import NoisePriors, level_floor
+    from reconstruction._src.scans.leveling import level_floor
     from reconstruction._src.scans.localization import localize
     from reconstruction._src.scans.mesh_files import is_mesh, load_mesh
     from reconstruction._src.scans.preprocess import (
@@ -46,7 +46,6 @@ __all__ = [
     "GSRMConfig",
     "GrowingGridConfig",
     "Intrinsics",
-    "NoisePriors",
     "ObjectsConfig",
     "Progress",
     "Quality",

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 
-from reconstruction._src.base.errors import ScanError
 from reconstruction._src.geometry.pose import rotate_about
 from reconstruction._src.scans.scan import ScanLog
 
@@ -20,15 +17,12 @@ _TILTS = (float(np.radians(2.0)), float(np.radians(8.0)))
 """Smallest and largest limit of the tilt [rad]: a standing robot may lean on its floor; ramps are steeper."""
 _UNKNOWN_TILT = float(np.radians(4.0))  # Limit of the tilt in logs of few scans [rad]
 _SAMPLE = 400  # About as many scans tell how much a robot sways
-_NOISES, _LEAST_TOLERANCE = 3.0, 0.01  # A reading of the floor is off by so many sigmas, or this [m]
-
 
 _NUM_BINS = 40  # Bins of declination between -max_tilt and max_tilt that readings vote for: 0.2 degrees each
 _MIN_DISTANCE = 0.2  # Readings nearer to the robot's foot do not vote [m]: their direction is uncertain
 _FULL_WEIGHT_DISTANCE = 1.0  # A vote's weight grows with the distance from the foot up to this one [m]
 _HEIGHT_BIN = 0.02  # Bins of height [m] that the floor is found in, where a log has no `mount`
 _HEIGHT_SHARE = 0.5  # The floor is the lowest bin with at least this share of the readings of the fullest
-
 
 _MAX_SLOPE = 0.3  # A scan plane is vertical where its normal rises by less than this
 _TOLERANCE = 0.03  # Largest distance of a reading from the floor [m]: three sigmas of a common scanner
@@ -38,31 +32,7 @@ UNKNOWN_SHAKE = float(np.radians(1.0))  # Sway where nothing is known [rad]
 _GAUSSIAN = 1.4826  # Standard deviation of a normal distribution in median absolute deviations
 
 
-@dataclass(frozen=True)
-class NoisePriors:
-    """What is known of a robot's noise before it drives; what is None is estimated from the log.
-
-    Attributes:
-        slip: standard deviation of the wheels' error after one meter [m] (and [rad]); it grows with the square root of
-            the way.
-        shake: standard deviation of roll and pitch as the robot drives [rad].
-        range_noise: standard deviation of the scanner's readings [m]; None for a tolerance that suits common ones.
-
-    Raises:
-        ScanError: a number is negative or not finite.
-    """
-
-    slip: float | None = None
-    shake: float | None = None
-    range_noise: float | None = None
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value is not None and not 0 <= value < np.inf:
-                raise ScanError(f"NoisePriors: {name} must not be negative, got {value}; None estimates it")
-
-
-def level_floor(log: ScanLog, *, priors: NoisePriors | None = None) -> ScanLog:
+def level_floor(log: ScanLog) -> ScanLog:
     """Turn every vertical scan so that its floor is level: ``T <- T_robot R(n, -delta) T_mount``.
 
     delta is the declination of the floor's line in the scan (`estimate_declination`), n the normal of the scan plane.
@@ -76,10 +46,8 @@ def level_floor(log: ScanLog, *, priors: NoisePriors | None = None) -> ScanLog:
 
     Args:
         log: scans; those that are not vertical, or show no floor, are left as they are.
-        priors: what is known of the robot's sway and of the scanner's noise: limits of the tilt and of the distance
-            from the floor are several times these.
     """
-    turn = compute_tilt(log, estimate_declination(log, priors))
+    turn = compute_tilt(log, estimate_declination(log))
     return log.replace(poses=log.poses @ np.linalg.inv(log.mount) @ turn @ log.mount)
 
 
@@ -91,7 +59,7 @@ def compute_tilt(log: ScanLog, declination: Float[np.ndarray, " S"]) -> Float[np
     return turn
 
 
-def estimate_declination(log: ScanLog, priors: NoisePriors | None = None) -> Float[np.ndarray, " S"]:
+def estimate_declination(log: ScanLog) -> Float[np.ndarray, " S"]:
     """Find the declination of the floor's line in every scan [rad]; 0 where no floor is seen.
 
     With (u, v) the position of a reading to the side of the robot's foot and above it, the floor is the line
@@ -100,19 +68,15 @@ def estimate_declination(log: ScanLog, priors: NoisePriors | None = None) -> Flo
 
     A log without `mount` has its foot found first: under the sensor, at the height of most readings.
     """
-    priors = priors or NoisePriors()
     if len(log.ranges) == 0 or not _is_vertical(log):
         return np.zeros(len(log.ranges))
-    tolerance = _TOLERANCE
-    if priors.range_noise is not None:
-        tolerance = max(_NOISES * priors.range_noise, _LEAST_TOLERANCE)
     u, v = _plane_coordinates(log)
-    shake = priors.shake
-    if shake is None and len(u) >= LEAST_SCANS:
+    max_tilt = _UNKNOWN_TILT
+    if len(u) >= LEAST_SCANS:
         some = slice(None, None, max(1, len(u) // _SAMPLE))
-        shake = estimate_shake(_find_angles(u[some], v[some], _TILTS[1], tolerance))
-    max_tilt = _UNKNOWN_TILT if shake is None else float(np.clip(_SHAKES * shake, *_TILTS))
-    return _find_angles(u, v, max_tilt, tolerance)
+        shake = estimate_shake(_find_angles(u[some], v[some], _TILTS[1]))
+        max_tilt = float(np.clip(_SHAKES * shake, *_TILTS))
+    return _find_angles(u, v, max_tilt)
 
 
 def estimate_shake(declination: Float[np.ndarray, " S"]) -> float:
@@ -127,11 +91,11 @@ def estimate_shake(declination: Float[np.ndarray, " S"]) -> float:
 
 
 def _find_angles(
-    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], max_tilt: float, tolerance: float
+    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], max_tilt: float
 ) -> Float[np.ndarray, " S"]:
     """Return the declination in every scan, looked for up to a largest one [rad]."""
     limit = float(np.tan(max_tilt))
-    tangent = _refine(u, v, _vote(u, v, limit), limit, tolerance)
+    tangent = _refine(u, v, _vote(u, v, limit), limit)
     return np.arctan(np.clip(tangent, -limit, limit))
 
 
@@ -155,18 +119,14 @@ def _vote(u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], limit: float
 
 
 def _refine(
-    u: Float[np.ndarray, "S B"],
-    v: Float[np.ndarray, "S B"],
-    tangent: Float[np.ndarray, " S"],
-    limit: float,
-    tolerance: float,
+    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], tangent: Float[np.ndarray, " S"], limit: float
 ) -> Float[np.ndarray, " S"]:
     """Return the tangent of the declination by least squares with Tukey's weights."""
-    is_near = np.abs(v) < 2 * limit * np.abs(u) + tolerance
+    is_near = np.abs(v) < 2 * limit * np.abs(u) + _TOLERANCE
     scan, _ = np.nonzero(is_near)
     u_near, v_near = u[is_near], v[is_near]
     for width in _REFINEMENTS:
-        residual = (v_near - tangent[scan] * u_near) / (width * tolerance)
+        residual = (v_near - tangent[scan] * u_near) / (width * _TOLERANCE)
         w = np.maximum(1.0 - residual * residual, 0.0)
         w *= w * u_near
         total = np.bincount(scan, w * u_near, minlength=len(tangent))

@@ -23,13 +23,7 @@ from reconstruction._src.geometry.pose import (
     to_planar,
     transform_planar,
 )
-from reconstruction._src.scans.leveling import (
-    LEAST_SCANS,
-    NoisePriors,
-    compute_tilt,
-    estimate_declination,
-    estimate_shake,
-)
+from reconstruction._src.scans.leveling import LEAST_SCANS, compute_tilt, estimate_declination, estimate_shake
 from reconstruction._src.scans.mixed_pixels import find_jumps
 from reconstruction._src.scans.scan import HorizontalScans, ScanLog
 
@@ -74,7 +68,7 @@ _CALIBRATION_WINDOW = 20  # Scans between poses that calibrate the wheels: fewer
 _MAX_SCALE_ERROR = 0.2  # A scale farther from 1 is not used: something else is wrong then
 
 
-def localize(log: ScanLog, progress: Progress = silent, *, priors: NoisePriors | None = None) -> ScanLog:
+def localize(log: ScanLog, progress: Progress = silent) -> ScanLog:
     """Return the log with poses from scan matching, and with its errors reported where the truth is known.
 
     Four degrees of freedom are found: x, y and yaw of the robot's foot, and its pitch, approximately (see
@@ -83,23 +77,22 @@ def localize(log: ScanLog, progress: Progress = silent, *, priors: NoisePriors |
     Args:
         log: with horizontal scans.
         progress: called with the current step.
-        priors: what is known of the robot's noise; what is None is estimated from the log.
 
     Raises:
         ScanError: the log has no horizontal scans.
         MissingExtraError: the extra `scan` is not installed.
     """
-    priors, scans = priors or NoisePriors(), log.horizontal
+    scans = log.horizontal
     if scans is None:
         raise ScanError("the log has no horizontal scans to localize by; give poses with the ScanLog")
     place = scans.mount[:3, 3]
     height = float(place[2])
-    declination = estimate_declination(log, priors)
-    shake = max(estimate_shake(declination) if priors.shake is None else priors.shake, _LEAST_SHAKE)
+    declination = estimate_declination(log)
+    shake = max(estimate_shake(declination), _LEAST_SHAKE)
     lean = (compute_tilt(log, declination)[:, :3, :3] @ place - place)[:, :2]
     matched = match_to_map(scans, lean, progress)
     sway = float(np.hypot(shake * height, _MATCH_ERROR))
-    planar = fuse_odometry(matched, scans.odometry, sway, priors.slip)
+    planar = fuse_odometry(matched, scans.odometry, sway)
     pitch = estimate_pitch(matched, planar, height, sway)
     turn = scans.start[2] - planar[0, 2]
     moved = transform_planar(planar[:, :2] - planar[0, :2], np.array([*scans.start[:2], turn]))
@@ -282,10 +275,7 @@ def _align(
 
 
 def fuse_odometry(
-    planar: Float[np.ndarray, "S 3"],
-    odometry: Float[np.ndarray, "S 3"],
-    sway: float,
-    slip: float | None = None,
+    planar: Float[np.ndarray, "S 3"], odometry: Float[np.ndarray, "S 3"], sway: float
 ) -> Float[np.ndarray, "S 3"]:
     """Smooth matched poses by the steps of the odometry.
 
@@ -298,17 +288,14 @@ def fuse_odometry(
     step, turn = np.diff(odometry[:, :2], axis=0), np.diff(odometry[:, 2])
     turn *= _estimate_scale(planar[:, 2:], turn[:, None])
     way = np.hypot(*step.T) + _TURN_WAY * np.abs(turn)
-    turn_slip = slip
-    if turn_slip is None:
-        turn_slip = estimate_slip(planar[:, 2] - planar[0, 2] - _add_up(turn), _add_up(way))
-    variance = turn_slip**2 * way + _MIN_VARIANCE
+    slip = estimate_slip(planar[:, 2] - planar[0, 2] - _add_up(turn), _add_up(way))
+    variance = slip**2 * way + _MIN_VARIANCE
     yaw = _smooth_track(planar[:, 2:], turn[:, None], _YAW_NOISE**2 / variance)[:, 0]
     step = rotate_planar(step, yaw[:-1] - odometry[:-1, 2])
     step *= _estimate_scale(planar[:, :2], step)
-    if slip is None:
-        middle = yaw[:-1] + turn / 2
-        ahead = ((np.diff(planar[:, :2], axis=0) - step) * np.c_[np.cos(middle), np.sin(middle)]).sum(axis=1)
-        slip = estimate_slip(_add_up(ahead), _add_up(way))
+    middle = yaw[:-1] + turn / 2
+    ahead = ((np.diff(planar[:, :2], axis=0) - step) * np.c_[np.cos(middle), np.sin(middle)]).sum(axis=1)
+    slip = estimate_slip(_add_up(ahead), _add_up(way))
     variance = slip**2 * way + _MIN_VARIANCE
     return np.c_[_smooth_track(planar[:, :2], step, sway**2 / variance), yaw]
 

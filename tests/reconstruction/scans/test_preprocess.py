@@ -11,7 +11,7 @@ import reconstruction as rc
 from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.geometry.pose import make_pose
 from reconstruction._src.scans.cloud import Cloud
-from reconstruction._src.scans.leveling import NoisePriors, estimate_declination, level_floor
+from reconstruction._src.scans.leveling import estimate_declination, level_floor
 from reconstruction._src.scans.mixed_pixels import find_mixed_beams
 from reconstruction._src.scans.preprocess import (
     find_creases,
@@ -75,19 +75,6 @@ def test_declination_is_found_next_to_a_plateau_and_through_noise():
     log = make_log(roll, step_at=1.0, noise=0.006)
     error = np.degrees(np.abs(np.abs(estimate_declination(log)) - np.abs(roll)))
     assert error.max() < 0.1
-
-
-def test_stated_priors_set_the_limits_of_leveling():
-    log = make_log(np.radians([-3.0, 3.0]))
-    small = estimate_declination(log, NoisePriors(shake=np.radians(0.2)))
-    assert np.abs(small).max() < np.radians(2.01)
-    np.testing.assert_allclose(np.abs(estimate_declination(log, NoisePriors(shake=0.02))), np.radians(3.0))
-
-
-@pytest.mark.parametrize("values", [{"slip": -1.0}, {"shake": np.nan}, {"range_noise": np.inf}])
-def test_impossible_priors_are_refused(values):
-    with pytest.raises(ScanError, match=next(iter(values))):
-        NoisePriors(**values)
 
 
 def test_a_log_without_a_mount_is_levelled_about_its_sensor():
