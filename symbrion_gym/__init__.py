@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.body_plans import load_organism, make_random_organism, organism_to_text
     from symbrion_gym._src.robot.organism import Organism, cross, snake
     from symbrion_gym._src.robot.scout import ScoutConfig, make_scout
-    from symbrion_gym._src.sensing.friction_drive import SlipNoise
     from symbrion_gym._src.sensing.rangefinder import RangeFinder
     from symbrion_gym._src.sensing.survey import survey
     from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot
@@ -55,7 +54,6 @@ __all__ = [
     "Reward",
     "ScoutConfig",
     "Sensor",
-    "SlipNoise",
     "StairsCourse",
     "SurveyRobot",
     "SymbrionGymError",

@@ -5,7 +5,6 @@ that it is on ice while the others still hold.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import mujoco
@@ -13,11 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.base.range_checks import check_not_negative, check_positive
 from reconstruction._src.geometry.pose import make_quaternion
 from reconstruction._src.scans.slip_readings import SlipReadings
 from symbrion_gym._src.arenas.arena import Arena
-from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.robot.organism import add_sensors, snake
 from symbrion_gym._src.robot.scout import find_road_wheels, set_physics
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
@@ -48,38 +45,14 @@ _TRACK_ARM = 0.04  # Half the distance of the tracks [m], for steering
 _MOST_TURN = 0.4  # Largest difference of the sides, as a share of the speed
 _ADVANCE = 0.02  # What counts as getting somewhere [m]
 
-
-@dataclass(frozen=True)
-class SlipNoise:
-    """Errors of the sensors (standard deviations); estimates, none was measured on the robot.
-
-    Attributes:
-        force: of the force in the dock, a tick [N].
-        force_bias: its offset along each axis, drawn once a survey [N].
-        force_gain: its relative error, drawn once a survey: a strain gauge calibrated with weights.
-        mass: relative error of the mass that the robot is told, drawn once a survey.
-        acceleration: of the accelerometers, a tick [m/s²].
-        acceleration_bias: their offset, drawn once a survey [m/s²].
-        position: of the localization, a tick [m].
-        drift: of the localization, slow: it is lost within `drift_time` [m].
-        drift_time: how long an error of the localization lasts [s].
-        angle: of heading and pitch [rad].
-    """
-
-    force: float = 0.25
-    force_bias: float = 0.1
-    force_gain: float = 0.01
-    mass: float = 0.005
-    acceleration: float = 0.15
-    acceleration_bias: float = 0.1
-    position: float = 0.003
-    drift: float = 0.005
-    drift_time: float = 10.0
-    angle: float = float(np.radians(0.3))
-
-    def __post_init__(self) -> None:
-        check_not_negative(self, list(vars(self)), SurveyError)
-        check_positive(self, ("drift_time",), SurveyError)
+# Errors of the sensors, as standard deviations; estimates, none was measured on the robot:
+_FORCE_NOISE, _FORCE_BIAS = 0.25, 0.1  # Of the force in the dock, a tick, and along each axis a survey [N]
+_FORCE_GAIN = 0.01  # Its relative error, drawn once a survey: a strain gauge calibrated with weights
+_MASS_ERROR = 0.005  # Relative, of the mass that the robot is told, drawn once a survey
+_ACCELERATION_NOISE, _ACCELERATION_BIAS = 0.15, 0.1  # Of the accelerometers, a tick, and a survey [m/s²]
+_POSITION_NOISE, _DRIFT = 0.003, 0.005  # Of the localization, a tick, and slow [m]
+_DRIFT_TIME = 10.0  # How long a slow error of the localization lasts [s]
+_ANGLE_NOISE = float(np.radians(0.3))  # Of heading and pitch [rad]
 
 
 class Lane(NamedTuple):
@@ -89,15 +62,13 @@ class Lane(NamedTuple):
     end: Float[np.ndarray, " 2"]
 
 
-def drive_lanes(
-    arena: Arena, noise: SlipNoise, rng: np.random.Generator, progress: Progress = silent
-) -> SlipReadings:
+def drive_lanes(arena: Arena, rng: np.random.Generator, progress: Progress = silent) -> SlipReadings:
     """Drive every lane in both directions and return what the last module reads.
 
     Friction is alike in all directions here (an elliptic cone).
     """
     lanes, simulation = find_lanes(arena), _Simulation(arena)
-    sensors, parts = SlipSensors(noise, simulation.mass, rng), []
+    sensors, parts = SlipSensors(simulation.mass, rng), []
     for number, lane in enumerate(lanes):
         progress("feeling the ground", number / len(lanes))
         parts += simulation.drive(lane, number, sensors)
@@ -143,30 +114,30 @@ class Tick(NamedTuple):
 class SlipSensors:
     """The sensors of one survey, at a module whose true mass is given [kg]."""
 
-    def __init__(self, noise: SlipNoise, mass: float, rng: np.random.Generator) -> None:
-        self._noise, self._rng = noise, rng
-        self._gain = 1.0 + noise.force_gain * rng.standard_normal()
-        self._mass = mass * (1.0 + noise.mass * rng.standard_normal())
-        self._force_bias = noise.force_bias * rng.standard_normal(3)
-        self._acceleration_bias = noise.acceleration_bias * rng.standard_normal(3)
+    def __init__(self, mass: float, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._gain = 1.0 + _FORCE_GAIN * rng.standard_normal()
+        self._mass = mass * (1.0 + _MASS_ERROR * rng.standard_normal())
+        self._force_bias = _FORCE_BIAS * rng.standard_normal(3)
+        self._acceleration_bias = _ACCELERATION_BIAS * rng.standard_normal(3)
         self._drift, self._last = np.zeros(3), 0.0
 
     def begin(self) -> None:
         """Begin a run: the localization begins with an error of its own."""
-        self._drift, self._last = self._noise.drift * self._rng.standard_normal(3), 0.0
+        self._drift, self._last = _DRIFT * self._rng.standard_normal(3), 0.0
 
     def read(self, exact: Tick) -> Tick:
         """Return a tick as it is read."""
-        noise, draw = self._noise, self._rng.standard_normal
-        memory = float(np.exp(-(exact.time - self._last) / noise.drift_time))
-        self._drift = memory * self._drift + noise.drift * np.sqrt(1 - memory**2) * draw(3)
+        draw = self._rng.standard_normal
+        memory = float(np.exp(-(exact.time - self._last) / _DRIFT_TIME))
+        self._drift = memory * self._drift + _DRIFT * np.sqrt(1 - memory**2) * draw(3)
         self._last = exact.time
         return exact._replace(
-            position=exact.position + self._drift + noise.position * draw(3),
-            heading=exact.heading + noise.angle * draw(),
-            pitch=exact.pitch + noise.angle * draw(),
-            acceleration=exact.acceleration + self._acceleration_bias + noise.acceleration * draw(3),
-            force=self._gain * exact.force + self._force_bias + noise.force * draw(3),
+            position=exact.position + self._drift + _POSITION_NOISE * draw(3),
+            heading=exact.heading + _ANGLE_NOISE * draw(),
+            pitch=exact.pitch + _ANGLE_NOISE * draw(),
+            acceleration=exact.acceleration + self._acceleration_bias + _ACCELERATION_NOISE * draw(3),
+            force=self._gain * exact.force + self._force_bias + _FORCE_NOISE * draw(3),
         )
 
     def collect(self, ticks: Sequence[Tick]) -> SlipReadings:

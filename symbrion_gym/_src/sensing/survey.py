@@ -21,7 +21,7 @@ from symbrion_gym._src.arenas.course import Course, StairsCourse
 from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import SurveyError
-from symbrion_gym._src.sensing.friction_drive import SlipNoise, drive_lanes
+from symbrion_gym._src.sensing.friction_drive import drive_lanes
 from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot, expose, look_at
 from symbrion_gym._src.sensing.survey_world import SurveyWorld
 
@@ -50,7 +50,7 @@ def survey(
     seed: int = 0,
     progress: Progress = silent,
     camera: bool | CameraConfig = False,
-    friction: bool | SlipNoise = False,
+    friction: bool = False,
 ) -> ScanLog:
     """Drive a virtual robot around an arena and return its scan log, localized.
 
@@ -69,8 +69,8 @@ def survey(
         camera: a camera beside the vertical scanner gives each reading a color (`ScanLog.colors`); True for the default
             one. The ranges stay the same. The courses "truth" and "stairs" are painted as a checker then; other arenas
             need colors of their own.
-        friction: whether docked Scouts drive over the arena afterwards and feel the ground (`ScanLog.slip`), or the
-            errors of their sensors; the scans are the same with and without.
+        friction: whether docked Scouts drive over the arena afterwards and feel the ground (`ScanLog.slip`); the scans
+            are the same with and without.
 
     Returns:
         Poses come from localization: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Leveling
@@ -128,8 +128,7 @@ def survey(
     log = localize(log, progress=progress)
     if known is None or not friction:
         return log
-    noise = friction if isinstance(friction, SlipNoise) else SlipNoise()
-    return log.replace(slip=drive_lanes(known, noise, np.random.default_rng([seed, 1]), progress))
+    return log.replace(slip=drive_lanes(known, np.random.default_rng([seed, 1]), progress))
 
 
 def _find_arena(
