@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from symbrion_gym._src.robot.scout import ScoutConfig, make_scout
     from symbrion_gym._src.sensing.rangefinder import RangeFinder
     from symbrion_gym._src.sensing.survey import survey
-    from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot
+    from symbrion_gym._src.sensing.survey_robot import LaserScanner, SurveyRobot
     from symbrion_gym._src.sensing.timing import timing
     from symbrion_gym._src.tasks.audit import audit
     from symbrion_gym._src.tasks.catalog import make_task
@@ -40,7 +40,6 @@ register()
 __all__ = [
     "Arena",
     "ArenaError",
-    "CameraConfig",
     "Course",
     "Footprint",
     "FrictionMap",

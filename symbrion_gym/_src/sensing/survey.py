@@ -22,7 +22,7 @@ from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.errors import SurveyError
 from symbrion_gym._src.sensing.friction_drive import drive_lanes
-from symbrion_gym._src.sensing.survey_robot import CameraConfig, LaserScanner, SurveyRobot, expose, look_at
+from symbrion_gym._src.sensing.survey_robot import LaserScanner, SurveyRobot, expose, look_at
 from symbrion_gym._src.sensing.survey_world import SurveyWorld
 
 Waypoints = Float[np.ndarray, "W 2"]  # x and y [m]
@@ -49,7 +49,7 @@ def survey(
     sensor: SurveyRobot | LaserScanner | None = None,
     seed: int = 0,
     progress: Progress = silent,
-    camera: bool | CameraConfig = False,
+    camera: bool = False,
     friction: bool = False,
 ) -> ScanLog:
     """Drive a virtual robot around an arena and return its scan log, localized.
@@ -66,8 +66,8 @@ def survey(
         sensor: robot, or scanner on the default robot.
         seed: decides every error; equal seeds give equal logs.
         progress: called with what is being done.
-        camera: a camera beside the vertical scanner gives each reading a color (`ScanLog.colors`); True for the default
-            one. The ranges stay the same. The courses "truth" and "stairs" are painted as a checker then; other arenas
+        camera: whether a camera beside the vertical scanner gives each reading a color (`ScanLog.colors`). The ranges
+            stay the same. The courses "truth" and "stairs" are painted as a checker then; other arenas
             need colors of their own.
         friction: whether docked Scouts drive over the arena afterwards and feel the ground (`ScanLog.slip`); the scans
             are the same with and without.
@@ -85,7 +85,7 @@ def survey(
         MissingExtraError: the extra `scan` is not installed.
     """
     require_extras("a survey", "scan")
-    known, surface = _find_arena(arena, bool(camera))
+    known, surface = _find_arena(arena, camera)
     if camera and (known is None or known.texture is None):
         raise SurveyError(
             "camera: a mesh, or an arena that has no colors, shows none; give an Arena with colors, made of a colored "
@@ -110,9 +110,8 @@ def survey(
     vertical, mixed, low = _scan(robot_poses, robot, world, rng, progress)
     colors = None
     if known is not None and camera:
-        lens = camera if isinstance(camera, CameraConfig) else CameraConfig()
         light = np.random.default_rng([seed, _CAMERA_STREAM])
-        colors = _color_readings(vertical, robot_poses, robot, world, known, lens, light)
+        colors = _color_readings(vertical, robot_poses, robot, world, known, light)
     angles = robot.scanner.angles
     log = ScanLog(
         vertical,
@@ -192,7 +191,6 @@ def _color_readings(
     robot: SurveyRobot,
     world: SurveyWorld,
     arena: Arena,
-    config: CameraConfig,
     rng: np.random.Generator,
 ) -> UInt8[np.ndarray, "S B 3"]:
     """Return the color that the camera sees where each reading falls on its picture; zeros without a reading."""
@@ -203,12 +201,12 @@ def _color_readings(
         pose, read = robot_pose @ robot.vertical_mount, is_read[scan]
         if read.any():
             ends = (ranges[scan, read, None] * beams[read]) @ pose[:3, :3].T + pose[:3, 3]
-            places[scan, read], seen[scan, read] = look_at(ends, pose, world.cast_on_arena, config)
+            places[scan, read], seen[scan, read] = look_at(ends, pose, world.cast_on_arena)
     low, high = np.asarray(arena.surface.bounds, float)
     on_arena = seen & ((places >= low - _RIM) & (places <= high + _RIM)).all(axis=2)
     colors = np.full((*ranges.shape, 3), _GROUND)
     colors[on_arena] = arena.find_colors(places[on_arena])
-    pictures = np.stack([expose(row, config, rng) for row in colors])
+    pictures = np.stack([expose(row, rng) for row in colors])
     pictures[~is_read] = 0
     return pictures
 

@@ -140,67 +140,35 @@ def _find_rim(directions: Directions) -> Float[np.ndarray, "R 4 3"]:
     return np.stack([aside, -aside, across, -across], axis=1)
 
 
+# The camera beside a range finder looks along the x axis of the sensor, z up in the picture. Its lens is a fisheye, a
+# pixel an equal angle everywhere, so that one picture holds all beams of a scan.
+_PIXEL = float(np.radians(0.2))  # Angle between neighboring pixels [rad]: 950 pixels over the field of view
+_LENS = float(np.radians(190.0))  # Full angle of the lens [rad]
+_OFFSET = np.array([0.0, 0.0, 0.08])
+"""Of the camera from the range finder, along the sensor's axes [m]: what hides a place from one of them alone takes a
+wrong color."""
+_EXPOSURE_NOISE = 0.02  # Relative standard deviation of the exposure from one picture to the next
+_COLOR_NOISE = 0.02  # Standard deviation of a channel of a pixel, of 1; then it is rounded to bytes
 _WHITE = 255
 
 
-@dataclass(frozen=True)
-class CameraConfig:
-    """A camera beside a range finder: it looks along the x axis of the sensor, z up in the picture.
-
-    Its lens is a fisheye, a pixel an equal angle everywhere, so that one picture holds all beams of a scan.
-
-    Attributes:
-        pixel: angle between neighboring pixels [rad]; 0.2 degrees are 950 pixels over 190 degrees.
-        field_of_view: full angle of the lens [rad].
-        offset: of the camera from the range finder, along the sensor's axes [m]: what hides a place from one of them
-            alone takes a wrong color.
-        exposure: factor on all colors; above 1 bright ones are clipped.
-        exposure_noise: relative standard deviation of the exposure from one picture to the next.
-        noise: standard deviation of a channel of a pixel, of 1; then it is rounded to bytes.
-
-    Raises:
-        SurveyError: a number is out of range.
-    """
-
-    pixel: float = np.radians(0.2)
-    field_of_view: float = np.radians(190.0)
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.08)
-    exposure: float = 1.0
-    exposure_noise: float = 0.02
-    noise: float = 0.02
-
-    def __post_init__(self) -> None:
-        check_positive(self, ("pixel", "field_of_view", "exposure"), SurveyError)
-        check_not_negative(self, ("exposure_noise", "noise"), SurveyError)
-        if self.field_of_view > 2 * np.pi:
-            raise SurveyError(f"CameraConfig: field_of_view must be up to 2 pi, got {self.field_of_view}")
-        if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
-            raise SurveyError(f"CameraConfig: offset must be three finite lengths, got {self.offset}")
-
-
 def look_at(
-    positions: Float[np.ndarray, "N 3"], pose: Pose, cast: Cast, config: CameraConfig
+    positions: Float[np.ndarray, "N 3"], pose: Pose, cast: Cast
 ) -> tuple[Float[np.ndarray, "N 3"], Bool[np.ndarray, " N"]]:
     """Return the places that the pixels show which readings fall on, and which of them show any."""
-    center = pose[:3, 3] + pose[:3, :3] @ np.asarray(config.offset)
+    center = pose[:3, 3] + pose[:3, :3] @ _OFFSET
     ways = (positions - center) @ pose[:3, :3]
-    directions = round_to_pixels(ways, config.pixel)
+    directions = round_to_pixels(ways, _PIXEL)
     distance = cast(center, directions @ pose[:3, :3].T)
-    is_seen = np.isfinite(distance) & (
-        np.arccos(np.clip(directions[:, 0], -1, 1)) <= config.field_of_view / 2
-    )
+    is_seen = np.isfinite(distance) & (np.arccos(np.clip(directions[:, 0], -1, 1)) <= _LENS / 2)
     length = np.where(is_seen, distance, 0.0)
     return center + length[:, None] * (directions @ pose[:3, :3].T), is_seen
 
 
-def expose(
-    colors: Float[np.ndarray, "*N 3"], config: CameraConfig, rng: np.random.Generator | None
-) -> UInt8[np.ndarray, "*N 3"]:
-    """Return colors as the camera measures them in one picture, 0 to 255; without a generator, without errors."""
-    measured = config.exposure * colors
-    if rng is not None:
-        measured = measured * (1.0 + config.exposure_noise * rng.standard_normal())
-        measured = measured + config.noise * rng.standard_normal(colors.shape)
+def expose(colors: Float[np.ndarray, "*N 3"], rng: np.random.Generator) -> UInt8[np.ndarray, "*N 3"]:
+    """Return colors as the camera measures them in one picture, 0 to 255."""
+    measured = colors * (1.0 + _EXPOSURE_NOISE * rng.standard_normal())
+    measured = measured + _COLOR_NOISE * rng.standard_normal(colors.shape)
     return np.round(_WHITE * np.clip(measured, 0.0, 1.0)).astype(np.uint8)
 
 
