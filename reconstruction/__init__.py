@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction._src.networks.gsrm.gsrm import GSRMConfig
     from reconstruction._src.objects.finding import FoundObject, find_objects
-    from reconstruction._src.objects.model import ObjectsConfig
     from reconstruction._src.resolution import choose_units
     from reconstruction._src.scans.cloud import Cloud
     from reconstruction._src.scans.cloud_file import (
@@ -46,7 +45,6 @@ __all__ = [
     "GSRMConfig",
     "GrowingGridConfig",
     "Intrinsics",
-    "ObjectsConfig",
     "Progress",
     "Quality",
     "Reconstruction",

@@ -17,13 +17,7 @@ from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.geometry.rows import compute_lengths, sum_rows
-from reconstruction._src.objects.model import (
-    ObjectModel,
-    ObjectsConfig,
-    choose_equivalent,
-    compute_angle,
-    make_model,
-)
+from reconstruction._src.objects.model import ObjectModel, choose_equivalent, compute_angle, make_model
 from reconstruction._src.objects.regions import (
     SPACING,
     Region,
@@ -50,6 +44,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 _MIN_NOISE = 0.002  # Noise that is measured counts as no less [m]: the mesh of an object is not exact either
+_TOLERANCE = 3.0  # A beam agrees with the object within this many standard deviations of the noise
+MIN_SCORE = 0.94  # Share of the beams that agree, of those that say something; lower: more false finds
 _MIN_COVERAGE = 0.3
 """Share of the beams at the object that end on it; lower: objects that are hidden for a larger part are found, and
 more that are none."""
@@ -135,12 +131,7 @@ class _Scene(NamedTuple):
 
 
 def find_objects(
-    scan: Any,
-    objects: "Mapping[str, trimesh.Trimesh]",
-    config: ObjectsConfig | None = None,
-    *,
-    seed: int = 0,
-    progress: Progress = silent,
+    scan: Any, objects: "Mapping[str, trimesh.Trimesh]", *, seed: int = 0, progress: Progress = silent
 ) -> list[FoundObject]:
     """Find the instances of known objects in a scan.
 
@@ -152,7 +143,6 @@ def find_objects(
         scan: a `Cloud`, points `[N, 3]` [m], a `ScanLog`, a `Reconstruction` (its readings are searched) or a mesh.
             With viewpoints beams decide; without, distances alone, with more false finds.
         objects: name -> mesh in meters, normals outwards.
-        config: how is searched and what counts; None for the defaults.
         seed: of the planes that are tried, and of the samples of a mesh.
         progress: called with the object that is searched and the share of the work that is done.
 
@@ -167,14 +157,13 @@ def find_objects(
         Drost, Ulrich, Navab, Ilic (2010), CVPR: point pair features, as in OpenCV's `ppf_match_3d`.
     """
     require_extras("`find_objects`", "objects")
-    config = config or ObjectsConfig()
     if not objects:
         raise ReconstructionError("objects is empty; give name -> mesh of at least one object")
     models = [make_model(name, mesh) for name, mesh in objects.items()]
     cloud, surface_normals = read_scan(scan, seed)
     found: list[Candidate] = []
     for number, model in enumerate(models):
-        scene = _prepare(cloud, surface_normals, model, config, seed)
+        scene = _prepare(cloud, surface_normals, model, seed)
         if scene.tolerance > _BLURRED * model.radius:
             logger.warning(
                 "%s is not searched: with a noise of %.0f mm its shape cannot be told from others",
@@ -187,16 +176,16 @@ def find_objects(
         for done, region in enumerate(regions):
             if all(np.linalg.norm(region.center - each.center) >= _TAKEN * model.radius for each in mine):
                 best = _search(scene, model, detector, region)
-                mine += [best] if best is not None and is_accepted(best.verdict, config) else []
+                mine += [best] if best is not None and is_accepted(best.verdict) else []
             progress(f"search for {model.name}", (number + (done + 1) / len(regions)) / len(models))
         found += mine
     return [_report(each, cloud.offset) for each in suppress(found)]
 
 
-def is_accepted(verdict: Verdict, config: ObjectsConfig) -> bool:
+def is_accepted(verdict: Verdict) -> bool:
     """Return whether a verdict is good enough for a find."""
     is_seen = verdict.coverage >= _MIN_COVERAGE and verdict.num_beams >= _MIN_BEAMS
-    return is_seen and verdict.score >= config.min_score
+    return is_seen and verdict.score >= MIN_SCORE
 
 
 def suppress(found: list[Candidate]) -> list[Candidate]:
@@ -211,13 +200,11 @@ def suppress(found: list[Candidate]) -> list[Candidate]:
     return kept
 
 
-def _prepare(
-    cloud: Cloud, surface_normals: np.ndarray | None, model: ObjectModel, config: ObjectsConfig, seed: int
-) -> _Scene:
+def _prepare(cloud: Cloud, surface_normals: np.ndarray | None, model: ObjectModel, seed: int) -> _Scene:
     """Set the planes aside that are large for this object; find the normals of the rest."""
     planes = find_planes(cloud.points, _PLANE_AREA * model.largest_side, np.random.default_rng(seed))
-    noise = max(measure_noise(cloud, planes), _MIN_NOISE) if config.noise is None else config.noise
-    tolerance = config.tolerance * noise
+    noise = max(measure_noise(cloud, planes), _MIN_NOISE)
+    tolerance = _TOLERANCE * noise
     is_background = find_background(cloud.points, planes, tolerance)
     cells = thin(cloud if is_background.all() else cloud.select(~is_background), SPACING)
     if surface_normals is not None:

@@ -1,6 +1,5 @@
 """A known object, prepared for the search: samples with normals, a light mesh, symmetries."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -9,7 +8,6 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.base.range_checks import check_positive
 from reconstruction._src.geometry.manifold import compute_normals
 from reconstruction._src.geometry.mesh_repair import simplify
 from reconstruction._src.geometry.pose import rotate_about
@@ -27,32 +25,6 @@ _SAME_AXIS = np.cos(np.deg2rad(3.0))  # Axes of inertia that deviate less from x
 _FOLDS = (2, 3, 4, 6)
 _ROUND_STEPS = 36  # A body of revolution is taken as one with this many equal positions
 _EQUAL_ROTATIONS = 0.02  # Rotations whose matrices differ by less are one
-
-
-@dataclass(frozen=True)
-class ObjectsConfig:
-    """How known objects are searched for, and what counts as found.
-
-    Attributes:
-        noise: standard deviation of the ranges [m]; None to measure it on the large planes of the scan.
-        tolerance: a beam agrees with the object within this many standard deviations of the noise.
-        min_score: share of the beams that agree, of those that say something; lower: more false finds.
-
-    Raises:
-        ReconstructionError: a number is not above 0, or a share above 1.
-    """
-
-    noise: float | None = None
-    tolerance: float = 3.0
-    min_score: float = 0.94
-
-    def __post_init__(self) -> None:
-        names = ["tolerance", "min_score", *(["noise"] if self.noise is not None else [])]
-        check_positive(self, names, ReconstructionError)
-        if self.min_score > 1.0:
-            raise ReconstructionError(
-                f"ObjectsConfig.min_score is a share, at most 1, got {self.min_score!r}"
-            )
 
 
 class ObjectModel(NamedTuple):

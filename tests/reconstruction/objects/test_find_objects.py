@@ -18,7 +18,7 @@ def make_scan(num_objects, seed=40, **changes):
     pytest.importorskip("embreex", reason="scans of made rooms need the extra 'embree'")
     from benchmarks.material.object_rooms import RoomScan, make_survey
 
-    how = RoomScan(noise=0.003, **changes)
+    how = RoomScan(**{"noise": 0.003, **changes})
     return make_survey(MESHES, seed, num_objects, how)
 
 
@@ -83,5 +83,5 @@ def test_of_two_finds_at_one_place_the_better_is_kept():
 
 @pytest.mark.slow
 def test_nothing_is_found_where_the_noise_hides_the_shape(library, caplog):
-    assert rc.find_objects(make_scan(2).cloud, MESHES, rc.ObjectsConfig(noise=0.02)) == []
-    assert "socket is not searched: with a noise of 20 mm" in caplog.text
+    assert rc.find_objects(make_scan(2, noise=0.02).cloud, MESHES) == []
+    assert "socket is not searched: with a noise of 15 mm" in caplog.text
