@@ -106,9 +106,7 @@ def make_arena(
     name: str | None = None,
     friction: float | None = None,
     friction_map: FrictionMap | None = None,
-    thickness: float = 0.2,
     seed: int = 0,
-    time_limit: float = 300.0,
     cache: bool | str | Path = True,
     progress: Progress = silent,
 ) -> Arena:
@@ -142,9 +140,7 @@ def make_arena(
             (`Reconstruction.friction`: then `friction_map` has its patches), or 0.7, as is assumed of a scan
             (`friction_source`).
         friction_map: patches with another friction; unless given those of the course or of the reconstruction.
-        thickness: how far slabs reach below the lowest ground [m].
         seed: seed of coacd's search.
-        time_limit: emergency stop of coacd, which decomposes closed bodies: no arena is made then [s].
         cache: whether to keep pieces in the user's cache, or the folder to keep them in.
         progress: called with what is being done and the share done.
 
@@ -160,7 +156,7 @@ def make_arena(
     ground = choose_friction(friction, friction_map, course, scanned.friction)
     if kind == "auto" and ground.friction_map is not None and ground.friction_map.patches:
         kind = "convex"  # a height field has one friction
-    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, reach, for_size)
+    options = ContactOptions(accuracy, max_pieces, kind, seed, reach, for_size)
     if name is None and isinstance(surface, str | Path):
         name = make_printable(Path(surface).stem)
     progress("repairing the mesh", 0.0)

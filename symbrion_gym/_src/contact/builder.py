@@ -188,7 +188,7 @@ def fit_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
         return None
     planes = share_planes(top, planes, problem.accuracy)
     most = min(options.max_pieces, _MAX_SLABS)
-    pieces = make_slabs(top, problem.top_ground, planes, problem.accuracy, most, options.thickness)
+    pieces = make_slabs(top, problem.top_ground, planes, problem.accuracy, most)
     return (
         problem.measure(pieces, "slabs", planes=len(planes.normals), noise=planes.noise) if pieces else None
     )

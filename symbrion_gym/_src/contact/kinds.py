@@ -34,15 +34,13 @@ class ContactOptions:
     accuracy: float | None = None
     max_pieces: int = 2200  # no more convex pieces than these
     kind: str = "auto"  # one of `CONTACT_CHOICES`
-    thickness: float = 0.2  # how far slabs reach below the lowest ground [m]
     seed: int = 0  # seed of coacd's search
-    time_limit: float = 300.0  # coacd may run so long; beyond it, making is refused [s]
     reach: float | None = 1.2  # height above ground up to which the accuracy is wanted [m]; None: everywhere
     for_size: float = 0.105  # of the smallest wheel or body that will drive there [m]
 
     def __post_init__(self) -> None:
         check_choice("kind", self.kind, CONTACT_CHOICES, ArenaError)
-        numbers = ("accuracy", "thickness", "time_limit", "reach", "for_size")
+        numbers = ("accuracy", "reach", "for_size")
         check_positive(self, [name for name in numbers if getattr(self, name) is not None], ArenaError)
         check_counts(self, ("max_pieces",), ArenaError)
 

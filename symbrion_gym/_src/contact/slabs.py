@@ -137,6 +137,7 @@ def _drop_repeated(lines: list[np.ndarray]) -> Float[np.ndarray, "D 3"]:
     return np.array(kept).reshape(-1, 3)
 
 
+_THICKNESS = 0.2  # How far slabs reach below the lowest ground [m]
 _NUM_POINTS = 30_000  # About how many points of the ground are looked at
 _MAX_PLANES = 24  # Planes that a cap is selected from, those with the most ground first
 _MAX_PAIRS_OF = 24  # Slabs tried in every pair; of more, only neighbors and those with a common plane
@@ -211,19 +212,14 @@ def _make_ground(mesh: trimesh.Trimesh, elevation: Elevation, planes: Planes) ->
 
 
 def make_slabs(
-    mesh: trimesh.Trimesh,
-    elevation: Elevation,
-    planes: Planes,
-    accuracy: float,
-    max_pieces: int,
-    thickness: float,
+    mesh: trimesh.Trimesh, elevation: Elevation, planes: Planes, accuracy: float, max_pieces: int
 ) -> list[trimesh.Trimesh]:
     """Return convex solids whose union has the terrain as its top; none where there are no planes."""
     ground = _make_ground(mesh, elevation, planes)
     cells = _split(ground, find_crease_lines(mesh, planes), accuracy, max_pieces)
     slabs = [slab for cell in cells if (slab := _make_slab(mesh, ground, cell)) is not None]
     slabs = _merge(ground, slabs, _JOIN_ACCURACY * accuracy)
-    bottom = float(mesh.vertices[:, 2].min()) - thickness
+    bottom = float(mesh.vertices[:, 2].min()) - _THICKNESS
     tops = np.column_stack([planes.normals, -planes.offsets])
     solids = [make_prism(compute_bounds(slab.outline), tops[slab.planes], bottom) for slab in slabs]
     return [solid for solid in solids if solid is not None]
