@@ -24,7 +24,8 @@ from reconstruction._src.geometry.halfspaces import (
 from reconstruction._src.geometry.outlines import compute_hull_outline
 from reconstruction._src.geometry.rows import make_hull
 from reconstruction._src.geometry.sampling import sample_grid
-from symbrion_gym._src.contact.seams import Halfspaces
+
+Halfspaces = Float[np.ndarray, "H 4"]  # Inside is a x + b y + c z + d <= 0
 
 _NOTHING = -1e6  # Height of what is not there [m]
 _MIN_VOLUME = 1e-6  # Smaller parts are none [m³]
@@ -40,6 +41,8 @@ _BOX_AIR = 0.05  # A box may reach beyond the rim of the terrain by this [m]
 _ON_TOP = 2e-3  # Corners this close to the main plane of a piece bound its outline [m]
 _TOP_POINTS = 120  # Points a side of the grid on which the top of a piece is looked at
 _CHECK_POINTS = 140  # Points a side of the grid on which a box is compared with the piece
+_PIECE_POINTS = 160  # Points a side of the grid on which a piece is compared with those above it
+_LIFT = 2e-4  # Ground lifted by less is not [m]
 _WALL_AREA = 1e-4  # One point on a wall for this much of a piece's area [m²], within `wall_points`
 _WALL_POINTS = (500, 6000)  # Fewest and most points on the walls of a piece
 _WALL_GAP = 5e-3  # What rises less above the ground in front of it is no wall [m]; also how far in front [m]
@@ -209,3 +212,16 @@ class _ContactCheck:
 def _measure_depth(points: Float[np.ndarray, "N 3"], halfspaces: Halfspaces) -> Float[np.ndarray, " N"]:
     """Return how far points lie outside of a convex solid, below 0 inside [m]."""
     return (points @ halfspaces[:, :3].T + halfspaces[:, 3]).max(axis=1)
+
+
+def drop_hidden(pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
+    """Return the pieces, without those whose tops lie beneath others wherever there is ground, the smallest first."""
+    halfspaces = {i: compute_halfspaces(piece) for i, piece in enumerate(pieces)}
+    for i in sorted(halfspaces, key=lambda i: float(pieces[i].volume)):
+        points = sample_grid(np.asarray(pieces[i].vertices), _PIECE_POINTS)
+        points = points[np.isfinite(ground.height(*points.T))]
+        own = compute_tops(halfspaces[i], points)
+        others = [compute_tops(planes, points) for k, planes in halfspaces.items() if k != i]
+        if others and (own <= np.max(others, axis=0) + _LIFT).all():
+            del halfspaces[i]
+    return [pieces[i] for i in sorted(halfspaces)]

@@ -17,7 +17,7 @@ from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import format_distance
 from reconstruction._src.geometry.elevation import Elevation
 from reconstruction._src.surfaces.intersections import find_intersections
-from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
+from symbrion_gym._src.contact.boxing import drop_hidden, split_at_creases, turn_into_boxes
 from symbrion_gym._src.contact.coacd import OutOfTimeError, decompose
 from symbrion_gym._src.contact.distances import SurfaceDistance, find_nearest
 from symbrion_gym._src.contact.kinds import (
@@ -31,7 +31,6 @@ from symbrion_gym._src.contact.kinds import (
 from symbrion_gym._src.contact.patches import thicken_patches
 from symbrion_gym._src.contact.planes import find_planes, share_planes
 from symbrion_gym._src.contact.reach import Reach
-from symbrion_gym._src.contact.seams import clear_hidden_edges
 from symbrion_gym._src.contact.simplification import (
     GROWTH,
     Shape,
@@ -316,7 +315,7 @@ def fit_boxes(problem: ContactProblem, best: Contact | None) -> Contact | None:
         return None
     most = min(problem.options.max_pieces, max(_MAX_PARTS, len(best.pieces)))
     boxed = turn_into_boxes(split_at_creases(best.pieces, most), problem.top_ground)
-    return problem.measure(clear_hidden_edges(boxed, problem.top_ground), **best.notes)
+    return problem.measure(drop_hidden(boxed, problem.top_ground), **best.notes)
 
 
 def compute_miss(contact: Contact, accuracy: float, max_pieces: int) -> float:
