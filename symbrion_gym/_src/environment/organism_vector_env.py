@@ -50,8 +50,6 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
     With "Disabled", a simulation that is done stands still, costs nothing and keeps its last `info` until it
     is reset with `options={"reset_mask": ...}`.
 
-    With `timers`, `symbrion_gym.timing(envs.batch)` reads MuJoCo's timers; `info` does not hold them.
-
     Reset options are those of `OrganismEnv`. A number or a tuple (low, high) goes to all, an array or a list
     gives each simulation its own; they also hold for the automatic resets that follow. Generators are one
     per simulation, seeded `seed + i`, or `seed[i]` where a list is given.
@@ -73,6 +71,8 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         if render_mode not in (None, *RENDER_MODES[1:]):
             raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES[1:])}")
         self.config = EnvironmentConfig.from_options(options, [*signature(OrganismVectorEnv).parameters][:-1])
+        if self.config.timers:
+            raise OptionError("a vector environment has no timers; leave out the option timers")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {
             **self.metadata,
@@ -103,8 +103,7 @@ class OrganismVectorEnv(KnowsLimits, VectorEnv[np.ndarray, np.ndarray, np.ndarra
     def _make_batch(self, num_threads: int) -> Batch:
         # Where static geoms are left out, each simulation needs an `MjData` of its own.
         skips_static = self.model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-        is_persistent = self.config.timers or bool(skips_static)
-        return Batch(self.model, self.num_envs, num_threads, persistent=is_persistent)
+        return Batch(self.model, self.num_envs, num_threads, persistent=bool(skips_static))
 
     def _send(self, *names: str) -> None:
         """Pass on what was written to fields of the model; this batch has it at once."""

@@ -22,7 +22,6 @@ def test_one_line_names_the_command_where_the_extra_is_missing(monkeypatch):
         ({"array": "cupy"}, OptionError, "array"),
         ({"backend": "mujoco", "array": "jax"}, OptionError, "array='jax' needs backend='warp'"),
         ({"num_threads": 2}, OptionError, "num_threads is 2, but backend 'warp' has a device"),
-        ({"timers": True}, OptionError, "backend 'warp' has no timers"),
         ({"arenas": ["truth"], "array": "jax"}, OptionError, "holds one arena; give arena in place"),
         ({"backend": "mujoco", "arenas": []}, OptionError, "one or more arenas"),
         ({"backend": "mujoco", "arenas": "truth"}, OptionError, "one or more arenas, got 'truth'"),

@@ -12,9 +12,9 @@ from side_by_side import assert_equal_ticks
 from symbrion_gym._src.arenas.making import load_arena
 from symbrion_gym._src.environment.organism_env import OrganismEnv
 from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.robot.organism import cross, snake
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
-from symbrion_gym._src.sensing.timing import timing
 
 RESET = {
     "friction": np.array([0.5, 0.6, 0.7, 0.8]),
@@ -115,13 +115,9 @@ def test_a_diverged_simulation_leaves_the_others_alone():
         assert np.isfinite(reward).all()
 
 
-def test_timers_of_a_batch_can_be_read():
-    envs = OrganismVectorEnv(2, modules=2, timers=True, num_threads=2)
-    envs.reset(seed=0)
-    with timing(envs.batch) as measured:
-        envs.step(np.zeros((2, 1)))
-    assert measured.num_steps == 8
-    assert measured.physics_us > measured.collision_us > 0
+def test_timers_are_those_of_one_simulation():
+    with pytest.raises(OptionError, match="a vector environment has no timers"):
+        OrganismVectorEnv(2, modules=2, timers=True)
 
 
 def test_many_static_pieces_are_left_out_of_steps_to_the_bit():

@@ -1,8 +1,6 @@
 """MuJoCo's own timers."""
 
 import mujoco
-import pytest
-from mujoco.batch import Batch
 
 from symbrion_gym._src.sensing.timing import timing
 
@@ -20,16 +18,3 @@ def test_steps_are_counted_and_collisions_lie_inside():
         mujoco.mj_step(model, data, nstep=50)
     assert measured.num_steps == 50
     assert measured.physics_us > measured.collision_us > 0.0
-
-
-def test_a_persistent_batch_is_summed_up():
-    batch = Batch(mujoco.MjModel.from_xml_string(BALL), 3, 2, persistent=True)
-    with timing(batch) as measured:
-        batch.step(nstep=7)
-    assert measured.num_steps == 21
-
-
-def test_a_batch_without_timers_is_refused():
-    batch = Batch(mujoco.MjModel.from_xml_string(BALL), 2, 1)
-    with pytest.raises(ValueError, match="persistent=True"), timing(batch):
-        pass

@@ -327,8 +327,6 @@ class WarpVectorEnv(OrganismVectorEnv):
     ) -> None:
         if num_threads not in (None, 1):
             raise OptionError(f"num_threads is {num_threads}, but backend 'warp' has a device; leave it out")
-        if options.get("timers"):
-            raise OptionError("backend 'warp' has no timers; leave out the option timers")
         self._engine, self._rows = engine or WarpEngine(num_envs, device, max_contacts), rows
         super().__init__(num_envs, 1, **options)
         if engine is None:
