@@ -30,7 +30,7 @@ env.step(env.action_space.sample())
 x, y = (part.ravel() for part in np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-0.5, 0.5, 20)))
 surface = rc.reconstruct(np.c_[x, y, 0.1 * np.abs(x)], units=60)
 surface.quality()
-arena = sg.make_arena(surface.mesh, cache=False, time_limit=20)
+arena = sg.make_arena(surface.mesh, cache=False)
 assert arena.pieces and arena.spec().compile().ngeom
 run = ev.evolve(
     ev.EvolutionConfig(arena="truth", modules=3, generations=1, population_size=4, trials=1, workers=1, folder="run")

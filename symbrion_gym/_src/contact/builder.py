@@ -306,7 +306,7 @@ def decompose_body(problem: ContactProblem, best: Contact | None) -> Contact | N
         return None
     if len(find_intersections(np.asarray(solid.vertices), np.asarray(solid.faces))):
         raise ArenaError("the solid runs through itself: coacd might never end")
-    return problem.measure(decompose(solid, problem.options.seed, problem.options.time_limit), "coacd")
+    return problem.measure(decompose(solid, problem.options.seed), "coacd")
 
 
 def fit_boxes(problem: ContactProblem, best: Contact | None) -> Contact | None:
