@@ -62,13 +62,14 @@ def thicken_patches(
     depths = compute_thickness(mesh, extent, is_seen_from_behind)
     vertices, corners = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     patches = join_faces(mesh, depths, tolerance) if tolerance > 0 else list(np.arange(len(corners))[:, None])
-    solids = []
+    solids, areas = [], np.asarray(mesh.area_faces)
+    inner, inner_corners = _find_inner_points(mesh, depths)
     for faces in patches:
-        inner = _find_inner_points(mesh, faces, depths)
-        hull = make_hull(np.concatenate([vertices[np.unique(corners[faces])], inner]))
+        behind = inner[np.unique(inner_corners[faces])]
+        hull = make_hull(np.concatenate([vertices[np.unique(corners[faces])], behind]))
         if hull is None:
             continue
-        if float(mesh.area_faces[faces].sum() * depths[corners[faces]].min()) <= _THICK:
+        if float(areas[faces].sum() * depths[corners[faces]].min()) <= _THICK:
             rounded = make_hull(np.asarray(hull.vertices, dtype=np.float32))
             if rounded is None or rounded.volume <= _FLAT_VOLUME:
                 continue  # MuJoCo refuses flat ones
@@ -98,16 +99,17 @@ def compute_thickness(mesh: trimesh.Trimesh, extent: float, is_seen_from_behind:
 
 
 def _find_inner_points(
-    mesh: trimesh.Trimesh, faces: Int[np.ndarray, " M"], depths: Depths
-) -> Float[np.ndarray, "N 3"]:
-    """Return points behind some faces of a mesh, at the depth of each vertex."""
-    corners = np.asarray(mesh.faces)[faces]
+    mesh: trimesh.Trimesh, depths: Depths
+) -> tuple[Float[np.ndarray, "N 3"], Int[np.ndarray, "F 3"]]:
+    """Return points behind a mesh, at the depth of each vertex, in ascending order; and those of every face."""
+    corners = np.asarray(mesh.faces)
     directions = np.asarray(mesh.vertex_normals)[corners]
-    normals = np.asarray(mesh.face_normals)[faces][:, None]
+    normals = np.asarray(mesh.face_normals)[:, None]
     cosines = np.einsum("fki,fki->fk", directions, np.broadcast_to(normals, directions.shape))
     directions = np.where(cosines[..., None] < _MIN_COSINE, normals, directions)
     inner = np.asarray(mesh.vertices)[corners] - depths[corners][..., None] * directions
-    return np.unique(inner.reshape(-1, 3), axis=0)
+    points, numbers = np.unique(inner.reshape(-1, 3), axis=0, return_inverse=True)
+    return points, numbers.reshape(-1, 3)
 
 
 @dataclass
