@@ -16,7 +16,7 @@ import trimesh
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.geometry.rows import compute_lengths, cross_rows
+from reconstruction._src.geometry.rows import any_rows, compute_area_vectors, compute_lengths, sum_rows
 from reconstruction._src.geometry.sampling import sample_area
 from symbrion_gym._src.contact.kinds import HeightField
 from symbrion_gym._src.contact.quality import ArenaQuality, join_meshes
@@ -132,8 +132,7 @@ def find_nearest(
 
 
 def _compute_normals(vertices: Vertices, faces: Faces) -> Float[np.ndarray, "F 3"]:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = cross_rows(b - a, c - a)
+    normals = compute_area_vectors(vertices, faces)
     return normals / np.maximum(compute_lengths(normals), np.finfo(float).tiny)[:, None]
 
 
@@ -180,15 +179,18 @@ def _find_inside(
 
 def find_planes(piece: trimesh.Trimesh) -> Float[np.ndarray, "P 4"]:
     """Return the planes of a convex solid as outward unit normal and offset: inside, normal · x < offset."""
-    corners = np.asarray(piece.triangles)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    is_face = length[:, 0] > _LEAST_LENGTH
-    normals, corner = normals[is_face] / length[is_face], corners[is_face, 0]
-    offsets = (normals * corner).sum(axis=1, keepdims=True)
-    middle = np.asarray(piece.vertices).mean(axis=0)
-    outward = np.where(normals @ middle[:, None] > offsets, -1.0, 1.0)
-    return np.unique(np.round(outward * np.hstack([normals, offsets]), _PLANE_DIGITS), axis=0)
+    vertices, faces = np.asarray(piece.vertices), np.asarray(piece.faces)
+    normals = compute_area_vectors(vertices, faces)
+    length = compute_lengths(normals)
+    is_face = length > _LEAST_LENGTH
+    normals = normals[is_face] / length[is_face, None]
+    offsets = sum_rows(normals * vertices[faces[is_face, 0]])[:, None]
+    outward = np.where(normals @ vertices.mean(axis=0)[:, None] > offsets, -1.0, 1.0)
+    planes = np.round(outward * np.concatenate([normals, offsets], axis=1), _PLANE_DIGITS)
+    planes = planes[np.lexsort(planes.T)]
+    is_new = np.ones(len(planes), dtype=bool)
+    is_new[1:] = any_rows(planes[1:] != planes[:-1])
+    return planes[is_new]
 
 
 def compute_offsets(
