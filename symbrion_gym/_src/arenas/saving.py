@@ -75,21 +75,25 @@ class FileOwner(NamedTuple):
         own = {name for name in named if self.pattern.fullmatch(name)}
         return frozenset(own | {self.manifest}) if about else frozenset()
 
-    def refuse_foreign(self, folder: Path, wanted: Iterable[str], own: Set[str]) -> None:
+    def refuse_foreign(self, folder: Path, wanted: Set[str], own: Set[str]) -> None:
         """Refuse to write where something else lies: a file, a folder, a link."""
+        inside = _find_inside(folder, wanted)
         for name in sorted(wanted):
             path = folder / name
             is_free = not os.path.lexists(path) and (path.parent.is_dir() or not os.path.lexists(path.parent))
-            if not _is_inside(folder, name) or not (is_free or (name in own and path.is_file())):
+            if name not in inside or not (is_free or (name in own and path.is_file())):
                 raise ArenaError(
                     f"{path} is in the way and no file of the {self.what} in {folder}; move it, or choose another "
                     "folder"
                 )
 
 
-def _is_inside(folder: Path, name: str) -> bool:
-    """Return whether a name leads to that place in the folder, and by no link elsewhere."""
-    return Path(os.path.realpath(folder / name)) == Path(os.path.realpath(folder), name)
+def _find_inside(folder: Path, names: Set[str]) -> set[str]:
+    """Return the names that lead to that place in the folder, and by no link elsewhere."""
+    root = os.path.realpath(folder)
+    places = {os.path.dirname(name) for name in names}
+    inside = {place for place in places if Path(os.path.realpath(folder / place)) == Path(root, place)}
+    return {name for name in names if os.path.dirname(name) in inside and not (folder / name).is_symlink()}
 
 
 def format_arrays(arrays: dict[str, np.ndarray]) -> bytes:
@@ -101,18 +105,19 @@ def format_arrays(arrays: dict[str, np.ndarray]) -> bytes:
 
 def remove_files(folder: Path, names: Set[str], places: Iterable[str], keep: Set[str]) -> None:
     """Remove own files but some, the temporary files of killed writers, and the places that are empty then."""
-    for name in names - keep:
-        if _is_inside(folder, name) and (folder / name).is_file():
+    for name in _find_inside(folder, names - keep):
+        if (folder / name).is_file():
             (folder / name).unlink()
     for place in (*places, ""):
-        for path, name in find_leftovers(folder / place).items():
-            if f"{place}{name}" in names and _is_inside(folder, f"{place}{path.name}"):
-                path.unlink(missing_ok=True)
+        found = find_leftovers(folder / place).items()
+        leftovers = {f"{place}{path.name}" for path, name in found if f"{place}{name}" in names}
+        for name in _find_inside(folder, leftovers):
+            (folder / name).unlink(missing_ok=True)
         is_emptied = any(name.startswith(place) for name in names) and (folder / place).is_dir()
         if (
             place
             and is_emptied
-            and _is_inside(folder, place.rstrip("/"))
+            and _find_inside(folder, {place.rstrip("/")})
             and not any((folder / place).iterdir())
         ):
             (folder / place).rmdir()
