@@ -26,7 +26,7 @@ from reconstruction._src.geometry.rows import (
 FOLD_ANGLE = np.deg2rad(120)
 """Two faces at an edge are a fold where their normals differ by more: a level sheet has 0 degrees, a right-angled
 crease 90, a face laid back onto its neighbor 180."""
-_SIZES_APART = 4.0
+_SIZES_APART = 2.0
 """Faces are compared by size: the largest of a group is at most this many times as large as the smallest.
 It changes the time alone."""
 _ROUNDING = 1.0 + 1e-9  # Balls that touch by less than rounding are not lost
