@@ -82,17 +82,12 @@ class WorkerPool(ABC, Generic[Worker]):
     """Distributes jobs over workers, replaces those that die and submits their jobs again."""
 
     def __init__(self, workers: int) -> None:
-        self._num_wanted = self._capacity = workers
+        self._num_wanted = workers
         self._workers: list[Worker] = []
-        self.num_deaths = 0  # Workers that have died so far
 
     @abstractmethod
     def _start(self) -> Worker:
         """Start a worker and return it, ready."""
-
-    def _start_many(self, count: int) -> list[Worker]:
-        """Start `count` workers; fewer where resources are missing, but at least one if there is none yet."""
-        return [self._start() for _ in range(count)]
 
     @abstractmethod
     def _submit(self, worker: Worker, jobs: list[Job]) -> None:
@@ -114,7 +109,6 @@ class WorkerPool(ABC, Generic[Worker]):
         outcomes: dict[int, Outcome] = {}
         busy: dict[int, tuple[Worker, list[int]]] = {}
         deaths: Counter[int] = Counter()
-        self._capacity = self._num_wanted
         try:
             while len(outcomes) < len(jobs):
                 self._assign(jobs, pending, busy)
@@ -147,12 +141,8 @@ class WorkerPool(ABC, Generic[Worker]):
     def _assign(
         self, jobs: Sequence[Job], pending: deque[list[int]], busy: dict[int, tuple[Worker, list[int]]]
     ) -> None:
-        missing = min(self._capacity, len(busy) + len(pending)) - len(self._workers)
-        if missing > 0:
-            started = self._start_many(missing)
-            self._workers += started
-            if len(started) < missing:
-                self._capacity = len(self._workers)
+        while len(self._workers) < min(self._num_wanted, len(busy) + len(pending)):
+            self._workers.append(self._start())
         for worker in self._workers:
             if pending and id(worker) not in busy:
                 indices = pending.popleft()
@@ -160,6 +150,5 @@ class WorkerPool(ABC, Generic[Worker]):
                 self._submit(worker, [jobs[index] for index in indices])
 
     def _remove(self, worker: Worker) -> None:
-        self.num_deaths += 1
         self._workers.remove(worker)
         self._stop(worker)

@@ -42,7 +42,7 @@ class RunConfig(TrialConfig):
         seed: seed of all random numbers of the run.
         scoring: how an outcome becomes a fitness: the weights of a `Scoring`, a function of (outcome, body), or
             "module:name" of one.
-        workers: number of threads, processes or actors.
+        workers: number of threads, processes or tasks.
         backend: "batch" (threads), "processes" or "ray"; the results are equal.
         address: address of an existing Ray cluster; None starts a local one.
         folder: run folder; None keeps the run in memory only.

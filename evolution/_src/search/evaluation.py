@@ -74,7 +74,7 @@ class Evaluator:
             a penalty for modules.
         backend: "batch", "processes" or "ray"; the results are equal. "warp" is a GPU in single precision, with results
             that are equal in distribution only.
-        workers: threads, processes or actors.
+        workers: threads, processes or tasks.
         address: address of an existing Ray cluster; None starts a local one.
         simulate: the function that tries jobs; None means physics.
         options: fields of `Trials`, such as `controller` ("reactive" by default; that of `evolve` is "path"), `start`,

@@ -1,4 +1,4 @@
-"""A Ray cluster of two nodes, one of which is killed while it works; tiles over a cluster."""
+"""A Ray cluster of two nodes, one of which is killed while it works."""
 
 import os
 import sys
@@ -6,17 +6,14 @@ import threading
 import time
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import toys
 from histories import read_without_times
 
-from evolution._src.backends.cluster import make_backend, run_in_cluster
+from evolution._src.backends.cluster import make_backend
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve
-from reconstruction._src.tiles.tiling import reconstruct_tile
-from reconstruction._src.tiles.workers import run_here
 
 try:
     import ray
@@ -28,13 +25,10 @@ needs_ray = pytest.mark.skipif(
 )
 
 
-@pytest.mark.parametrize(
-    "use", [lambda: make_backend("ray", 2, simulate=toys.bowl), lambda: run_in_cluster(2)]
-)
-def test_without_ray_the_remedy_is_named(use, monkeypatch):
+def test_without_ray_the_remedy_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(RunError, match=r"pip install 'symbrion-gym\[cluster\]'"):
-        use()
+        make_backend("ray", 2, simulate=toys.bowl)
 
 
 @pytest.mark.long
@@ -73,25 +67,21 @@ def test_batch_processes_and_ray_write_the_same_history(tmp_path):
     assert histories[0] == histories[1] == histories[2]
 
 
+@pytest.mark.long
+@needs_ray
+def test_a_genotype_that_kills_its_process_is_recorded():
+    assert ray is not None
+    jobs = toys.make_jobs(6)
+    backend = make_backend("ray", 2, simulate=toys.deadly)
+    try:
+        outcomes = backend.run(jobs)
+    finally:
+        backend.close()
+    for job, outcome, good in zip(jobs, outcomes, toys.bowl(jobs, 1), strict=True):
+        assert outcome.error == "its worker died 2 times" if job.genotype[0] > 0.3 else outcome == good
+
+
 @needs_ray
 def test_no_cluster_at_an_address_is_a_run_error():
     with pytest.raises(RunError, match="no Ray cluster"):
         make_backend("ray", 1, address="127.0.0.1:1", simulate=toys.bowl)
-
-
-@pytest.mark.long
-@needs_ray
-def test_tiles_on_a_cluster_are_those_of_this_process(tmp_path):
-    points = np.random.default_rng(0).uniform(0, 4, (2000, 3)) * [1, 1, 0.01]
-    (tmp_path / "points.f4").write_bytes(points.astype(np.float32).tobytes())
-    common = {"method": "gsrm", "is_raw": True, "columns": 3, "viewpoints": None, "config": {"tile": 4.0}}
-    common["points"] = str(tmp_path / "points.f4")
-
-    def make_jobs(name: str) -> list[dict]:
-        places = ((number, str(tmp_path / f"{name}_{number}.npz")) for number in range(3))
-        return [common | {"place": [number, 0], "seed": number, "surface": out} for number, out in places]
-
-    there = list(run_in_cluster(2)(reconstruct_tile, make_jobs("a")))
-    assert there == list(run_here(reconstruct_tile, make_jobs("b")))
-    for number in range(3):
-        assert (tmp_path / f"a_{number}.npz").read_bytes() == (tmp_path / f"b_{number}.npz").read_bytes()

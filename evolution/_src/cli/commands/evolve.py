@@ -75,7 +75,7 @@ class Evolve(SeededCommand):
     generations: int | None = None
     """Limit on the generations, or on the iterations of --bodies. Default: 50; 20 with --bodies."""
     workers: int = os.cpu_count() or 1
-    """Threads, processes or actors; the results do not depend on their number."""
+    """Threads, processes or tasks; the results do not depend on their number."""
     backend: Literal[BACKENDS] = "batch"  # pyright: ignore[reportInvalidTypeForm]
     """Where simulations run: threads (batch), processes, a Ray cluster, or a GPU (warp)."""
     address: str | None = None

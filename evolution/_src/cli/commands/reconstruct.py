@@ -49,8 +49,6 @@ class Reconstruct(ScanCommand):
     """With --tile: units of the network in a square meter. Default: one for 20 points."""
     workers: int = 1
     """With --tile: number of processes."""
-    address: str | None = None
-    """With --tile: address of an existing Ray cluster, whose nodes see the folder --out at the same place."""
 
     def check(self) -> None:
         super().check()
@@ -125,11 +123,6 @@ class Reconstruct(ScanCommand):
 
     def _run_tiles(self, config: "rc.TilesConfig", console: Console) -> dict[str, Any]:
         """Reconstruct a scan in tiles and return the summary."""
-        run_jobs = None
-        if self.address is not None:
-            from evolution._src.backends.cluster import run_in_cluster
-
-            run_jobs = run_in_cluster(self.workers, self.address)
         with console.track(f"Tiles of {self.source.name}") as step:
             tiles = rc.reconstruct_tiles(
                 self.source,
@@ -141,7 +134,6 @@ class Reconstruct(ScanCommand):
                 viewpoints=self.viewpoint or None,
                 is_raw=self.raw,
                 workers=self.workers,
-                run_jobs=run_jobs,
                 progress=step.progress,
             )
         number = len(tiles.places)
