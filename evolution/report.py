@@ -6,7 +6,6 @@ from reconstruction._src.base.lazy import export_lazily
 
 if TYPE_CHECKING:
     from evolution._src.report.arena_view import draw_arena
-    from evolution._src.report.error_map import draw_error_map
     from evolution._src.report.figures import (
         draw_cloud,
         draw_learning_curve,
@@ -26,7 +25,6 @@ __all__ = [
     "Scene",
     "draw_arena",
     "draw_cloud",
-    "draw_error_map",
     "draw_learning_curve",
     "draw_pieces",
     "draw_section",

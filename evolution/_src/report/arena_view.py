@@ -16,8 +16,8 @@ from matplotlib.ticker import MaxNLocator
 from scipy.spatial import cKDTree
 
 import symbrion_gym as sg
-from evolution._src.report.error_map import DIRECTIONS, add_friction, find_touchable, make_friction_legend
 from evolution._src.report.figures import DPI
+from evolution._src.report.layers import add_friction, find_touchable, make_friction_legend
 from evolution._src.report.raster import (
     OVERSAMPLING,
     Picture,
@@ -77,6 +77,8 @@ def add_scale(axes: Axes, view: View) -> None:
     axes.grid(color="black", alpha=0.18, linewidth=0.6)
 
 
+DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
+"""Elevation and azimuth of the two cameras [degree]: opposite each other, so that every wall is seen."""
 FROM_ABOVE = (90.0, -90.0)  # Of the camera of the plan: x to the right, y up
 _MARGIN = 100  # Beside a plan, for its coordinates [pixel]
 PLAN_SHARE = 0.7  # Width of the plan, relative to that of both pictures side by side

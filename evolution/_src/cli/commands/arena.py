@@ -9,15 +9,9 @@ import tyro
 
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.cli.command import (
-    UsageError,
-    require_file,
-    require_writable_file,
-    require_writable_folder,
-)
+from evolution._src.cli.command import UsageError, require_file, require_writable_folder
 from evolution._src.cli.console import Console
 from evolution._src.cli.scan_source import FrameCommand
-from reconstruction._src.base.atomic_write import write_file
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.range_checks import format_count, format_distance, format_extents, format_share
 
@@ -32,7 +26,7 @@ class Arena(FrameCommand):
     the scanner is known, how many of its beams still end where they did. The last line says whether the arena is good
     for a robot, and why not.
 
-    Example: symbrion arena surface.npz --out arenas/pit --picture pit.png
+    Example: symbrion arena surface.npz --out arenas/pit
     """
 
     mesh: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MESH")]
@@ -54,8 +48,6 @@ class Arena(FrameCommand):
     """Meshes of known objects in meters, as FILE or NAME=FILE, found in --scan and placed; x points to their front."""
     scan: Path | None = None
     """Scan log, cloud or mesh file in which known objects are found, in the frame of MESH."""
-    picture: Path | None = None
-    """Draw where contact and surface differ in this file (.png)."""
     strict: bool = False
     """End with exit code 3 unless the arena is good for a robot: "yes"."""
 
@@ -75,7 +67,6 @@ class Arena(FrameCommand):
         find_own_files(self.out)
         self.require_positive("accuracy", "for_size", *(("reach",) if self.reach != "none" else ()))
         self.require_least(max_pieces=1)
-        require_writable_file(self.picture, "--picture", (".png",))
         if bool(self.object) != (self.scan is not None):
             raise UsageError("--object and --scan belong together: give both or none")
         for name, path in self._list_object_files().items():
@@ -84,19 +75,11 @@ class Arena(FrameCommand):
             require_file(self.scan, "--scan")
 
     def run(self, console: Console) -> dict[str, Any]:
-        if self.picture is not None:
-            require_extras("`symbrion arena --picture`", "report")
         if self.object:
             require_extras("`symbrion arena --object`", "objects")
         with console.track(f"Arena from {self.mesh.name}") as step:
             arena = self._make(step.progress)
             arena.save(self.out)
-        if self.picture is not None:
-            from evolution._src.report.error_map import draw_error_map
-            from evolution._src.report.figures import to_png
-
-            with console.track(f"Picture {self.picture.name}"):
-                write_file(self.picture, to_png(draw_error_map(arena), is_reduced=False))
         bounds = arena.surface.bounds.tolist()
         contact = format_count(len(arena.pieces), "piece") if arena.height_field is None else "a height field"
         console.print_line(f"{contact} in {self.out}; to view it: symbrion view {self.out}")
@@ -116,7 +99,6 @@ class Arena(FrameCommand):
             "quality": arena.quality.as_dict(),
             "accuracy": accuracy,
             "verdict": dataclasses.asdict(arena.verdict),
-            "picture": self.picture,
             "exit_code": MISSED if self.strict and not is_good else 0,
         }
 
