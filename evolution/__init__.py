@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from evolution._src.backends.settings import Randomization, RolloutConfig
     from evolution._src.champions.playback import ChampionPolicy, Recording, judge, play
     from evolution._src.controllers.finding import find_controller
-    from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
+    from evolution._src.controllers.protocol import Controller
     from evolution._src.errors import EvolutionError, RunError
     from evolution._src.experiments.train import train
     from evolution._src.experiments.training import Training
@@ -34,7 +34,6 @@ __all__ = [
     "EvolutionConfig",
     "EvolutionError",
     "LearningConfig",
-    "OutOfBoundsWarning",
     "Outcome",
     "Randomization",
     "Recording",

@@ -1,6 +1,5 @@
 """What a controller is: the protocol that laws of this package and controllers of users follow."""
 
-import warnings
 from collections.abc import Mapping
 from math import isfinite
 from typing import Any, Protocol, runtime_checkable
@@ -17,10 +16,6 @@ Population = Float[np.ndarray, "*P G"]  # A genotype for each controller, or one
 Structure = Mapping[str, slice]
 """Where each quantity lies in an observation, as in `OrganismEnv.observation_structure`."""
 MAX_NAMED_GENES = 12  # Genes that a message names
-
-
-class OutOfBoundsWarning(UserWarning):
-    """A genotype lies beyond the bounds of its controller."""
 
 
 @runtime_checkable
@@ -91,26 +86,6 @@ def check_genotypes(controller: Controller, genotypes: Population) -> None:
         )
     if not np.all(np.isfinite(genotypes)):
         raise RunError("a genotype has a number that is not finite")
-
-
-def warn_of_bounds(controller: Controller, genotypes: Population, stacklevel: int = 3) -> None:
-    """Warn of genes beyond the bounds of a controller, which `evolve` never tries.
-
-    Laws act beyond them, too, and a search that does not know that its genotypes are clipped would learn from some
-    that were never tried.
-    """
-    beyond = (genotypes < np.array(controller.lower)) | (genotypes > np.array(controller.upper))
-    if not beyond.any():
-        return
-    first = tuple(np.argwhere(beyond)[0])
-    name, low, high = (getattr(controller, each)[first[-1]] for each in ("parameters", "lower", "upper"))
-    warnings.warn(
-        f"{np.count_nonzero(beyond)} of {beyond.size} genes lie beyond the bounds of controller {controller.name!r}, "
-        f"the first is {name} = {genotypes[first]:.4g}, not in {low:g} to {high:g}; they are tried as they are. Give "
-        "the bounds `controller.lower` and `controller.upper` to the search",
-        OutOfBoundsWarning,
-        stacklevel,
-    )
 
 
 def reset_rows(

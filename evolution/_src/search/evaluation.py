@@ -11,7 +11,7 @@ from evolution._src.backends.cluster import Backend, make_backend
 from evolution._src.backends.pool import Simulate
 from evolution._src.backends.scoring import Outcome, Scoring, ScoringFunction, compute_fitness, find_scoring
 from evolution._src.backends.trials import Job, Trials, check_tried, find_trial_controller
-from evolution._src.controllers.protocol import Controller, check_genotypes, warn_of_bounds
+from evolution._src.controllers.protocol import Controller, check_genotypes
 from evolution._src.errors import RunError
 from evolution._src.references import MAX_TRIALS
 from evolution._src.search.record import Attempt, Entry
@@ -129,21 +129,18 @@ class Evaluator:
         """Try genotypes, all under the same conditions.
 
         Args:
-            genotypes: one genotype per row, or a single one; lists of arrays as well.
+            genotypes: one genotype per row, or a single one; lists of arrays as well. Genes beyond the bounds of the
+                controller are tried as they are; `controller.lower` and `controller.upper` are for the search.
             seed: another number gives other conditions, such as the generation of a search that shall not adapt to
                 a few; None: the same ones in each call.
 
         Raises:
             RunError: the genotypes do not fit the controller, none of them could be tried, or the evaluator is closed.
-
-        Warns:
-            OutOfBoundsWarning: a gene lies beyond the bounds of the controller. It is tried as it is.
         """
         if self._is_closed:
             raise RunError("this evaluator is closed; make another one")
         genotypes = np.atleast_2d(np.asarray(genotypes, dtype=float))
         check_genotypes(self.controller, genotypes)
-        warn_of_bounds(self.controller, genotypes)
         trials = self.trials
         if seed is not None:
             (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)

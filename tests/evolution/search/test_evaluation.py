@@ -1,7 +1,5 @@
 """Fitness of genotypes once or call after call: failures isolated, workers warm, and what does not fit refused."""
 
-import warnings
-
 import numpy as np
 import pytest
 import toys
@@ -12,7 +10,6 @@ from evolution._src.backends.pool import find_simulate, name_simulate
 from evolution._src.backends.scoring import Outcome, Scoring
 from evolution._src.backends.settings import Randomization
 from evolution._src.backends.trials import FAILED_PROGRESS
-from evolution._src.controllers.protocol import OutOfBoundsWarning
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.evaluation import Evaluator, evaluate
@@ -109,17 +106,12 @@ def test_worker_processes_stay_between_calls():
     assert one.outcomes == two.outcomes == evaluate(np.zeros((4, 8)), simulate=toys.bowl).outcomes
 
 
-def test_genes_beyond_the_bounds_are_tried_as_they_are_with_a_warning():
+def test_genes_beyond_the_bounds_are_tried_as_they_are():
     observed, far = toys.Observed(), np.zeros((2, 8))
     far[1, 3] = -2.0
     with Evaluator(simulate=observed) as evaluator:
-        message = r"1 of 16 genes .* 'reactive', the first is pitch_ahead = -2, not in -1.5 to 1.5"
-        with pytest.warns(OutOfBoundsWarning, match=message):
-            evaluator(far)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            evaluator(np.full(8, 1.5))
-    assert [job.genotype.tolist() for job in observed.jobs] == [*far.tolist(), [1.5] * 8]
+        evaluator(far)
+    assert [job.genotype.tolist() for job in observed.jobs] == far.tolist()
 
 
 @pytest.mark.parametrize("modules", [8, 6])
