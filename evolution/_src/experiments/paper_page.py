@@ -1,6 +1,6 @@
 """The page of the paper's experiments: its figures, and what `paper.html.j2` needs to show every measurement."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +19,12 @@ from evolution._src.experiments.paper import (
     load_network,
 )
 from evolution._src.report.figures import (
-    INK_COLOR,
-    PALETTE,
     draw_cloud,
     draw_learning_curve,
     draw_pieces,
     draw_section,
     draw_surface,
     draw_tracks,
-    make_chart,
     to_png,
     to_svg,
 )
@@ -43,11 +40,8 @@ PAPER_SCANS = {"gg": (13860, 362_000, 66), "gsrm": (4175, 119_000, 22), "simple"
 """Table III of the paper: model -> triangles, time of one laser scan [µs], and relative to the hand-made model."""
 AROUND = 0.35  # Raw readings are shown up to this distance around the arena [m]
 MODELS = {"gsrm": "GSRM", "gg": "GG", "simple": "hand-made"}
-METHODS = {
-    "tree": ("MuJoCo (bounding-volume tree)", "o-", PALETTE[0]),
-    "brute force": ("brute force (every triangle)", "^-", PALETTE[1]),
-}
-"""Method of ray casting -> name, marker and color."""
+METHODS = {"tree": "MuJoCo (bounding-volume tree)", "brute force": "brute force (every triangle)"}
+"""Methods of ray casting by their names in the results."""
 
 
 def write_paper_page(folder: Path, is_quick: bool, seed: int, results: Mapping[str, Any]) -> None:
@@ -137,8 +131,6 @@ def _draw_figures(
         "section": draw_section(
             {"truth": truth, "GSRM": arenas["gsrm"].surface, "pieces": arenas["gsrm"].pieces}, points
         ),
-        "table2_costs": draw_costs(figures["physics"]["rows"]),
-        "table3_growth": draw_scan_growth(figures["laser"]["rows"]),
         "learning_curve": draw_learning_curve(*history),
     }
     for name in (row["network"] for row in figures["networks"] if row["network"] != "simple"):
@@ -172,37 +164,3 @@ def _describe_selection(successes: int, trials: int) -> str:
     return (
         f"The champion was selected by fresh randomized trials there; it crossed in {successes} of {trials}."
     )
-
-
-def draw_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw the time of a physics step in each arena and of its collision detection, with standard deviations."""
-    (figure, axes), places = make_chart(0.34 * len(rows) + 0.9), range(len(rows))
-    for cost, label, height, color in (
-        ("physics_us", "whole step", 0.8, "#c9d6e4"),
-        ("collision_us", "collision detection within it", 0.45, PALETTE[0]),
-    ):
-        means, deviations = ([row[cost][name] for row in rows] for name in ("mean", "deviation"))
-        axes.barh(
-            places, means, height, color=color, label=label, xerr=deviations, ecolor=INK_COLOR, capsize=2
-        )
-    axes.set_yticks(places, [row["text"] for row in rows])
-    axes.invert_yaxis()
-    axes.set(xlabel="time of a physics step [µs]", xlim=(0, None))
-    axes.legend(frameon=False)
-    return figure
-
-
-def draw_scan_growth(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw the time of a laser scan over the number of triangles, for each method and for the paper."""
-    figure, axes = make_chart(3.4)
-    for method, (label, style, color) in METHODS.items():
-        shown = sorted(
-            (row["triangles"], row["scan_us"]["median"]) for row in rows if row["method"] == method
-        )
-        if shown:
-            axes.plot(*zip(*shown, strict=True), style, color=color, label=label, ms=5)
-    paper = sorted(each[:2] for each in PAPER_SCANS.values())
-    axes.plot(*zip(*paper, strict=True), "D--", color="#5b6675", label="the paper (2011)", ms=5)
-    axes.set(xscale="log", yscale="log", xlabel="triangles", ylabel="time of one scan of 361 beams [µs]")
-    axes.legend(frameon=False)
-    return figure
