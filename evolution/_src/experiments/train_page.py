@@ -78,7 +78,7 @@ def write_train_page(
             f"The champion ({where}), at {speed:g} times real time; {shown}.",
         )
     page.add_scene(
-        _make_scene(arena, film.positions, source),
+        _make_scene(arena, film.positions),
         "The site, and the champion on its way. Drag to turn it, scroll to zoom.",
     )
     if champion.modules > 1:
@@ -114,7 +114,7 @@ def write_train_page(
     page.add_list([
         *([f"In Python, {seen} `{made}`"] if goal and champion.modules == 1 else []),
         f"The site, and where to drive: `symbrion view {folder}/arena`",
-        f"Another way, which two clicks on the site write: `symbrion train {source} --out NEW --start X Y --goal X Y`",
+        f"Another way, by places on the plan: `symbrion train {source} --out NEW --start X Y --goal X Y`",
         f"The champion: `symbrion replay {folder}/run --arena {folder}/other --video champion.mp4`",
     ])  # fmt: skip
     page.write(result.page)
@@ -137,11 +137,9 @@ def _make_route(positions: np.ndarray, height: float, goal: Sequence[float] | No
     return DrivingRoute(first, last, heading, path, float(steps.sum()), 0.0, 0)
 
 
-def _make_scene(arena: sg.Arena, positions: np.ndarray, source: str) -> Scene:
+def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
     """Return the site and the path of the body; what nobody saw in another color, walls and ceilings on a switch."""
-    scene = Scene(
-        focus=positions.reshape(-1, 3), command=f"symbrion train {source} --out NEW --start START --goal GOAL"
-    )
+    scene = Scene(focus=positions.reshape(-1, 3))
     mesh, top = arena.surface, float(positions[..., 2].max()) + _HIDING
     heights, middles = mesh.triangles[:, :, 2], positions.mean(axis=1)
     is_high = (mesh.face_normals[:, 2] < _STEEP) & (heights.max(axis=1) > top)

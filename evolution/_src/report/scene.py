@@ -25,9 +25,6 @@ _BELOW = np.array([0.0, 0.0, -0.04])  # It looks so far below the middle
 BODY_COLOR = "#7a1f12"
 BACKGROUND_COLOR = "#eef1f5"
 _LEAST_SIZE = 1.5  # Of what is seen around a focus: half of its extent, but not less [m]
-_CLICKED, _MOST_CLICKED, _MOST_HALVED = 0.15, 10_000, 30
-"""Longest edge of a face that is clicked on [m], longer for surfaces of more than so many squares of it; how often a
-face is halved for it."""
 SNAPSHOTS = 9  # Times at which a body is shown on its path
 PATH_STEP = 5  # Every fifth position of the head becomes a point of its path
 
@@ -47,7 +44,6 @@ class Scene:
 
     layers: list[Layer] = field(default_factory=list)
     focus: Float[np.ndarray, "P 3"] | None = None  # places that the camera looks at [m]; None for all
-    command: str = ""  # with START and GOAL in it, which two clicks fill in; empty for no clicks
 
     def add_points(
         self, name: str, points: Float[np.ndarray, "N 3"], limit: int = 15_000, is_shown: bool = True
@@ -62,8 +58,6 @@ class Scene:
         """Add a mesh with its edges, or in its own colors without them."""
         traces = [_make_mesh_trace(mesh, color)]
         if find_vertex_colors(mesh) is None:
-            if self.command:
-                traces = [_make_mesh_trace(_subdivide(mesh), color)]
             lines, look = _join(mesh.vertices[mesh.edges_unique]), {"color": EDGE_COLOR, "width": 1}
             traces.append({"type": "scatter3d", **_to_xyz(lines), "mode": "lines", "line": look})
         self._add(name, traces, is_shown)
@@ -132,7 +126,7 @@ class Scene:
 
     def _add(self, name: str, traces: list[Trace], is_shown: bool) -> None:
         for trace in traces:
-            trace |= {"visible": is_shown, "hoverinfo": "none" if self.command else "skip", "name": name}
+            trace |= {"visible": is_shown, "hoverinfo": "skip", "name": name}
         self.layers.append(Layer(name, traces, is_shown))
 
 
@@ -150,13 +144,6 @@ def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
     light |= {"specular": 0.0, "fresnel": 0.0}
     look |= {"lighting": light, "lightposition": {"x": -1e5, "y": -4e4, "z": 1e5}}
     return {"type": "mesh3d", **_to_xyz(np.asarray(mesh.vertices)), "i": i, "j": j, "k": k, **look}
-
-
-def _subdivide(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh of small faces: a click on one tells its middle."""
-    longest = max(_CLICKED, float(np.sqrt(mesh.area / _MOST_CLICKED)))
-    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, _MOST_HALVED)[:2]
-    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def _name(values: Float[np.ndarray, " 3"]) -> dict[str, float]:
