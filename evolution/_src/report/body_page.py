@@ -12,15 +12,9 @@ from evolution._src.report.figures import draw_bodies, to_png
 from evolution._src.report.page import Card, Page
 from evolution._src.report.video import encode_video
 from evolution._src.search.bodies.algorithms import LevelResult
-from evolution._src.search.bodies.run import (
-    BodyRun,
-    compute_effort_weight,
-    describe_success,
-    explain_fitness,
-    format_fitness,
-)
+from evolution._src.search.bodies.run import BodyRun, describe_success, format_fitness
 from reconstruction._src.base.progress import Progress, silent
-from reconstruction._src.base.range_checks import format_count, format_energy
+from reconstruction._src.base.range_checks import format_count
 
 PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
 
@@ -75,7 +69,8 @@ def _explain(run: BodyRun) -> list[str]:
         else "The champion is the fittest body; it has not been tried again, which symbrion resume does."
     )
     return [
-        f"{explain_fitness(run)} It is that of the exam: trials of what the body has learned, under other conditions.",
+        "Fitness is what the scoring of the run (ev.Scoring) makes of an exam: trials of what the body has learned, "
+        "under other conditions. Higher is better.",
         confirmed,
         "Cards with the mark “film” show the body drive, at "
         f"{FILM_SPEED:g} times the speed of the robot. The option --films of symbrion replay says for how many bodies.",
@@ -114,9 +109,7 @@ def _make_card(run: BodyRun, result: LevelResult, film: bytes | None, is_champio
             found = run.confirmation.champion
             rate = f"{found.successes} of {found.trials} fresh trials"
     fitness = format_fitness(run, result.fitness)
-    work = format_energy(result.effort / compute_effort_weight(run.config))
     text = (
-        f"{format_count(body.num_modules, 'module')}; work of the hinges {work}, as a mean over trials.\n"
         f"Exam: {exam} succeeded, {fitness}; it learned in {result.seconds:.0f} s of robot time in its last level.\n"
         f"Body plan {body.to_plan()}, genome {body.text}"
     )

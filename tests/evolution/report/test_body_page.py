@@ -67,7 +67,7 @@ def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
     assert not any("champion<" in card for card in others)
     assert [">&#9654; film<" in card for card in (first, *others)][:3] == [True, True, False]
     assert "succeeded in 48 of 48 fresh trials" in html
-    assert "Fitness, in meters" in html
+    assert "Fitness is what the scoring of the run" in html
     champion = (run.confirmation.result.body.canonical_text, run.confirmation.result.level)
     fittest = {(result.body.canonical_text, result.level) for result in run.list_fittest()}
     assert len(others) + 1 == len(fittest | {champion})

@@ -117,24 +117,3 @@ def describe_success(run: BodyRun) -> str:
 def format_fitness(run: BodyRun, fitness: float) -> str:
     """Return a fitness in words, in meters where the weights that ship make it of progress in meters."""
     return f"fitness {fitness:.2f}{' m' if isinstance(run.config.scoring, Scoring) else ''}"
-
-
-def compute_effort_weight(config: BodyEvolutionConfig) -> float:
-    """Return the effort of a joule of work of the hinges."""
-    from symbrion_gym._src.tasks.catalog import UsualTerms  # loads MuJoCo
-
-    return float(dict(config.environment).get("effort_weight", UsualTerms.effort_weight)) or 1.0
-
-
-def explain_fitness(run: BodyRun) -> str:
-    """Return what a fitness means, in one sentence."""
-    scoring = run.config.scoring
-    if not isinstance(scoring, Scoring):
-        return "Fitness is what the scoring of this run returns; higher is better."
-    penalty = f" and {scoring.module:g} m for each module" if scoring.module else ""
-    return (
-        "Fitness, in meters: how far the whole body came on its way, as a mean over trials, plus "
-        f"{scoring.success:g} m times the share of trials that succeeded, less "
-        f"{scoring.effort * compute_effort_weight(run.config):.2g} m for each joule of work of the hinges"
-        f"{penalty}. Higher is better."
-    )
