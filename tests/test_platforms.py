@@ -3,9 +3,7 @@
 import ast
 import errno
 import os
-import subprocess
 import sys
-from multiprocessing import connection
 from pathlib import Path
 
 import mujoco
@@ -13,9 +11,10 @@ import mujoco.viewer
 import numpy as np
 import pytest
 
-from evolution._src.backends.processes import open_pipe, share_pipe
+from evolution._src.backends.cluster import make_backend
 from evolution._src.cli.command import UsageError, require_writable_folder
 from evolution._src.cli.console import is_unread
+from evolution._src.errors import RunError
 from evolution._src.report.body_page import describe_machine
 from reconstruction._src.base.atomic_write import write_atomically
 from symbrion_gym._src import headless
@@ -38,9 +37,10 @@ POSIX_NAMES = {
 EXAM = "evolution/_src/suite/exam.py"
 GUARDED = {
     ("reconstruction/_src/base/cache.py", "getuid"),
+    ("evolution/_src/backends/processes.py", "pass_fds"),
     *((EXAM, name) for name in ("killpg", "setsid", "SIGKILL")),
 }
-"""Behind hasattr."""
+"""Behind hasattr, or a refusal of Windows."""
 
 
 def find_posix(source: str) -> set[str]:
@@ -117,15 +117,10 @@ def test_a_window_that_needs_another_interpreter_is_left_out(
     pictures.close()
 
 
-def test_a_worker_inherits_a_handle_on_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    inherited = []
+def test_processes_are_refused_on_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "win32")
-    monkeypatch.setattr(os, "set_handle_inheritable", lambda *values: inherited.append(values), raising=False)
-    monkeypatch.setattr(subprocess, "STARTUPINFO", dict, raising=False)
-    monkeypatch.setattr(connection, "PipeConnection", lambda handle: ("pipe", handle), raising=False)
-    assert share_pipe(7) == {"startupinfo": {"lpAttributeList": {"handle_list": [7]}}}
-    assert inherited == [(7, True)]
-    assert open_pipe(7) == ("pipe", 7)
+    with pytest.raises(RunError, match="'batch' gives equal results"):
+        make_backend("processes", 2)
 
 
 def test_a_file_is_flushed_and_replaced_as_windows_needs_it(

@@ -11,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from evolution._src.backends.pool import (
     Reply,
@@ -28,21 +28,6 @@ READY = "ready"  # First message of a worker
 EXIT_TIMEOUT = 5.0  # How long a worker process may take to end before it is killed [s]
 
 
-def share_pipe(handle: int) -> dict[str, Any]:
-    """Return the options of `subprocess.Popen` by which a new process inherits one end of a pipe, and no other."""
-    if sys.platform != "win32":
-        return {"pass_fds": [handle]}
-    os.set_handle_inheritable(handle, True)
-    return {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})}
-
-
-def open_pipe(handle: int) -> multiprocessing.connection.Connection:
-    """Return the end of a pipe that this process has inherited."""
-    if sys.platform != "win32":
-        return multiprocessing.connection.Connection(handle)
-    return multiprocessing.connection.PipeConnection(handle)
-
-
 class _Worker(NamedTuple):
     process: subprocess.Popen[bytes]
     connection: Connection
@@ -52,6 +37,8 @@ class ProcessBackend(WorkerPool[_Worker]):
     """Workers are processes that keep their compiled arenas between calls; only genotypes are sent."""
 
     def __init__(self, simulate: Simulate, workers: int) -> None:
+        if sys.platform == "win32":
+            raise RunError("backend 'processes' needs Linux or macOS; 'batch' gives equal results")
         super().__init__(workers)
         self._simulate = name_simulate(simulate)
 
@@ -68,7 +55,7 @@ class ProcessBackend(WorkerPool[_Worker]):
             [*command, str(theirs.fileno()), self._simulate],
             env=environment,
             stdin=subprocess.DEVNULL,
-            **share_pipe(theirs.fileno()),
+            pass_fds=[theirs.fileno()],
         )
         theirs.close()
         try:
@@ -109,7 +96,7 @@ class ProcessBackend(WorkerPool[_Worker]):
 
 def main(descriptor: int, simulate_name: str) -> None:
     """Serve until the other end closes."""
-    connection = open_pipe(descriptor)
+    connection = Connection(descriptor)
     simulate = find_simulate(simulate_name)
     try:
         connection.send(READY)
