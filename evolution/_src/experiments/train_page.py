@@ -18,10 +18,8 @@ from evolution._src.report.page import Page
 from evolution._src.report.scene import Scene
 from evolution._src.report.video import encode_video
 from reconstruction._src.base.progress import Progress
-from reconstruction._src.base.range_checks import format_count, format_distance, format_share
+from reconstruction._src.base.range_checks import format_count
 from symbrion_gym._src.arenas.verdict import ROBOT
-from symbrion_gym._src.contact.distances import find_nearest
-from symbrion_gym._src.robot.scout_constants import ScoutConfig
 from symbrion_gym._src.traversability.routes import DrivingRoute
 
 _GROUND, _UNSEEN = "#cfd3da", "#e7a08f"  # Colors of the surface, and of what both halves do not confirm
@@ -92,7 +90,6 @@ def write_train_page(
     page.add_table(
         ["driver", *result.held], rows, "Trials that succeed; start, heading, friction and strength vary."
     )
-    page.add_text(_compare_models(result, film.positions))
     history = run.history
     page.add_section(
         "Evolution",
@@ -159,22 +156,3 @@ def _make_scene(arena: sg.Arena, positions: np.ndarray) -> Scene:
             scene.add_surface(name, part, color, is_shown)
     scene.add_path("champion", positions)
     return scene
-
-
-def _compare_models(result: Training, positions: np.ndarray) -> str:
-    """Return how far the models differ where the robot drove: the ground up to as high as the robot above it."""
-    x, y, z = positions.reshape(-1, 3).T
-    limit = z + ScoutConfig.size[2]
-    gaps = np.abs(
-        result.arena.elevation.height_below(x, y, limit) - result.other.elevation.height_below(x, y, limit)
-    )
-    mesh, known = result.arena.surface, gaps[np.isfinite(gaps)]
-    if not len(known):
-        return "Where the champion drove, only one of the models has a surface."
-    middle, most = (format_distance(float(np.percentile(known, share))) for share in (50, 95))
-    missing = 1.0 - len(known) / len(gaps)
-    alone = f"; at {format_share(missing)} not both have a surface" if missing else ""
-    faces = find_nearest(positions.reshape(-1, 3), np.asarray(mesh.vertices), np.asarray(mesh.faces))[1]
-    driven = format_count(len(np.unique(faces)), "triangle")
-    where = f"Where the champion drove, over {driven} of the model of training, the two models differ by"
-    return f"{where} {middle} in the median, and by less than {most} at 95 % of the places{alone}."

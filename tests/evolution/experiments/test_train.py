@@ -23,7 +23,7 @@ from evolution._src.cli.main import run
 from evolution._src.experiments import folders
 from evolution._src.experiments import train as training
 from evolution._src.experiments.train import choose_task, crop_part, find_part, keep_low, split_readings
-from evolution._src.experiments.train_page import _compare_models, _make_scene
+from evolution._src.experiments.train_page import _make_scene
 from evolution._src.experiments.training import Training
 from reconstruction._src.base.progress import silent
 from symbrion_gym._src.arenas.verdict import Reason, Verdict
@@ -476,22 +476,6 @@ def test_what_the_other_half_does_not_confirm_is_unseen() -> None:
     places = training._mark_unconfirmed(one, other).seen_surface.triangles_center[:, 0]
     assert 0.4 * len(floor.faces) < len(places) < 0.7 * len(floor.faces)
     assert np.median(places) < 0.0
-
-
-def test_models_are_compared_on_the_ground_that_was_driven_below_what_hangs_above_it() -> None:
-    floor = trimesh.creation.box(bounds=((-1, -1, -0.1), (1, 1, 0)))
-    step = trimesh.creation.box(bounds=((0, -1, -0.1), (1, 1, 0.1)))
-    shelf = trimesh.creation.box(bounds=((-1, -1, 0.5), (0.5, 1, 0.6)))
-    quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=1)
-    one, other = (
-        sg.Arena("half", [floor], trimesh.util.concatenate(parts), quality)
-        for parts in ([floor, shelf], [floor, step])
-    )
-    driven = np.linspace([-0.9, 0.0, 0.0525], [0.9, 0.0, 0.0525], 100)[:, None]
-    found: Any = SimpleNamespace(arena=other, other=one)
-    assert "0 mm in the median, and by less than 100 mm at 95 %" in _compare_models(found, driven[:60])
-    assert "by less than 100 mm at 95 % of the places." in _compare_models(found, driven)
-    assert "not both have a surface" in _compare_models(found, driven * [1.2, 1.0, 1.0])
 
 
 def test_ways_are_looked_for_where_both_models_have_ground() -> None:
