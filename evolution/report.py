@@ -14,7 +14,6 @@ if TYPE_CHECKING:
         draw_surface,
         draw_tracks,
         to_png,
-        to_svg,
     )
     from evolution._src.report.page import Page
     from evolution._src.report.scene import Scene
@@ -32,7 +31,6 @@ __all__ = [
     "draw_tracks",
     "encode_video",
     "to_png",
-    "to_svg",
 ]
 
 __getattr__, __dir__ = export_lazily(__name__)

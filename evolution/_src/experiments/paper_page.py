@@ -26,7 +26,6 @@ from evolution._src.report.figures import (
     draw_surface,
     draw_tracks,
     to_png,
-    to_svg,
 )
 from evolution._src.report.page import inline_picture, inline_video, make_templates, write_page
 from evolution._src.report.scene import Scene
@@ -52,8 +51,7 @@ def write_paper_page(folder: Path, is_quick: bool, seed: int, results: Mapping[s
     arenas = {name: load_arena(folder, name) for name in ("gsrm", "gg")}
     drawn = _draw_figures(folder, figures, arenas, points)
     for name, figure in drawn.items():
-        for ending, convert in (("png", to_png), ("svg", to_svg)):
-            write_file(folder / "figures" / f"{name}.{ending}", convert(figure))
+        write_file(folder / "figures" / f"{name}.png", to_png(figure))
 
     scene, films = Scene(), folder / "films"
     scene.add_points("points", points, is_shown=False)

@@ -61,14 +61,6 @@ def compute_width(png: bytes) -> int:
     return round(image.width * DPI / image.info.get("dpi", (DPI, DPI))[0])
 
 
-def to_svg(figure: Figure) -> bytes:
-    """Return the figure as SVG; equal figures give equal bytes."""
-    buffer = io.BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "symbrion"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()
-
-
 VIEW = (28.0, -62.0)
 """Elevation and azimuth of the camera [degree]: both ramps and the bottom of the pit can be seen."""
 PALETTE = ("#24588f", "#c8553d", "#3f8f5b", "#8b5fa8", "#b8892b", "#4a9aa8")

@@ -3,7 +3,6 @@
 import io
 import re
 from pathlib import Path
-from xml.etree import ElementTree
 
 import imageio.v2 as imageio
 import numpy as np
@@ -18,8 +17,7 @@ from symbrion_gym._src.arenas.course import Course
 
 
 def open_picture(figure: Figure) -> np.ndarray:
-    """Return the pixels of a figure that must show something, as PNG and as SVG."""
-    assert ElementTree.fromstring(report.to_svg(figure)).tag.endswith("svg")
+    """Return the pixels of a figure that must show something."""
     png = report.to_png(figure)
     pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
     assert pixels.shape[0] > 60
@@ -59,7 +57,6 @@ def test_the_side_view_follows_the_body_in_any_direction() -> None:
 
 def test_equal_figures_are_equal_files() -> None:
     first, second = (report.draw_learning_curve(np.arange(3), np.arange(3.0), np.zeros(3)) for _ in range(2))
-    assert report.to_svg(first) == report.to_svg(second)
     assert report.to_png(first) == report.to_png(second)
 
 
