@@ -494,17 +494,11 @@ def measure_laser(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progr
         }
         for (name, method), found in times.items()
     ]
-    ratios, powers = {}, {}
+    ratios = {}
     for method in methods:
         own = {name: times[name, method] for name in arenas}
         ratios[method] = {name: compute_ratio(own[name], own["simple"]) for name in ("gg", "gsrm")}
-        medians = [np.median(own[name]) for name in arenas]
-        powers[method] = float(
-            np.polyfit(np.log([triangles[name] for name in arenas]), np.log(medians), 1)[0]
-        )
-    return {
-        "beams": LaserScanner.num_beams, "hits": float(hits), "rows": rows, "ratios": ratios, "powers": powers,
-    }  # fmt: skip
+    return {"beams": LaserScanner.num_beams, "hits": float(hits), "rows": rows, "ratios": ratios}
 
 
 def film_robots(folder: Path, sizes: PaperSizes, seed: int, progress: rc.Progress) -> Result:
