@@ -60,10 +60,6 @@ class Page:
         """Start a section; the blocks that follow belong to it."""
         self._blocks.append({"kind": "section", "title": title, "text": text})
 
-    def add_contents(self) -> None:
-        """Add a list of links to all sections."""
-        self._blocks.append({"kind": "contents"})
-
     def add_text(self, text: str) -> None:
         """Add a paragraph."""
         self._blocks.append({"kind": "text", "text": text})

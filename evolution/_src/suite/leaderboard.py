@@ -108,7 +108,6 @@ def make_page(exam: Exam, submissions: Sequence[Submission]) -> Any:
             "the place is by those in the truth: 1= is a tie, – has no success, or not all seeds (equal genes are one)."
         ),
     )
-    page.add_contents()
     for name, rows in groupby(rank(exam), key=lambda row: row.task):
         page.add_section(name.capitalize())
         page.add_table(
