@@ -2,13 +2,7 @@
 
 import pytest
 
-from reconstruction._src.base.range_checks import (
-    format_count,
-    format_distance,
-    format_energy,
-    format_extents,
-    format_share,
-)
+from reconstruction._src.base.range_checks import format_count, format_distance, format_extents, format_share
 
 
 @pytest.mark.parametrize(
@@ -33,13 +27,6 @@ def test_distances(distance, text):
 )
 def test_shares(share, text):
     assert format_share(share) == text
-
-
-@pytest.mark.parametrize(
-    ("joules", "text"), [(0.0, "0 J"), (2.9e-3, "below 0.01 J"), (0.1234, "0.123 J"), (512.3, "512 J")]
-)
-def test_energies(joules, text):
-    assert format_energy(joules) == text
 
 
 def test_extents_are_places_in_meters():

@@ -120,11 +120,6 @@ def format_extents(low: Sequence[float], high: Sequence[float]) -> str:
     )
 
 
-def format_energy(joules: float) -> str:
-    """Return an energy [J] as text with three digits; one that is not 0 but below 0.01 J says so."""
-    return "below 0.01 J" if 0.0 < joules < 0.01 else f"{_round(joules)} J"
-
-
 def format_share(share: float) -> str:
     """Return a share as text in percent, with three digits; one that is not 0 but below 0.01 % says so."""
     percent = 100.0 * share

@@ -55,7 +55,6 @@ def reconstruct_tiles(
     viewpoints: ArrayLike | None = None,
     is_raw: bool = False,
     workers: int = 1,
-    run_jobs: RunJobs | None = None,
     progress: Progress = silent,
 ) -> TiledSurface:
     """Reconstruct the surface of a large scan in tiles, and write it as a folder.
@@ -76,7 +75,6 @@ def reconstruct_tiles(
             where they were seen from. Without them they look up.
         is_raw: leave out the filter for isolated points.
         workers: processes of this machine.
-        run_jobs: runs the jobs elsewhere, in place of `workers`; `folder` must be visible there.
         progress: called with each step and the fraction done.
 
     Raises:
@@ -85,7 +83,7 @@ def reconstruct_tiles(
         MissingExtraError: laspy is not installed.
     """
     config = config or TilesConfig()
-    run_jobs = run_jobs or run_in_processes(workers)
+    run_jobs = run_in_processes(workers)
     stream, folder = open_points(source, meters), Path(folder).absolute()
     positions = None
     if viewpoints is not None:

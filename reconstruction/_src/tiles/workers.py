@@ -1,7 +1,4 @@
-"""Work on tiles, here or in processes of this machine; any other place needs a function like these.
-
-A job and its result are plain data, and files hold the rest: on several machines the folder must be a shared one.
-"""
+"""Work on tiles, here or in processes of this machine: a job and its result are plain data, files hold the rest."""
 
 import importlib
 import itertools
@@ -18,7 +15,7 @@ from reconstruction._src.base.errors import ReconstructionError
 Job = dict[str, Any]  # Plain data, as JSON has it
 Work = Callable[[Job], Job]  # A function of a module
 RunJobs = Callable[[Work, Sequence[Job]], Iterator[Job]]
-"""Runs jobs anywhere and yields their results in order. `evolution` has one for Ray."""
+"""Runs jobs and yields their results in order."""
 
 
 def run_here(work: Work, jobs: Sequence[Job]) -> Iterator[Job]:

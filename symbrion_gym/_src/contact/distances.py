@@ -36,8 +36,6 @@ _LEAST_LENGTH = 1e-15  # A triangle whose edges have a shorter cross product has
 _PLANE_DIGITS = 9  # Planes that agree in all of these digits are one: the triangles of a flat side share it
 _FACING = 0.2
 """Planes whose normal turns from a direction by more than 90 degrees, with this sine, look away from it."""
-_IN_FRONT = 0.5
-"""Cosine between the normal of the surface and the way to contact from which contact stands in front."""
 
 
 class Gaps(NamedTuple):
@@ -191,20 +189,6 @@ def find_planes(piece: trimesh.Trimesh) -> Float[np.ndarray, "P 4"]:
     is_new = np.ones(len(planes), dtype=bool)
     is_new[1:] = any_rows(planes[1:] != planes[:-1])
     return planes[is_new]
-
-
-def compute_offsets(
-    points: Points, normals: Points, contact: Sequence[trimesh.Trimesh] | HeightField
-) -> Distances:
-    """Return signed distances of points of a surface from contact geometry [m]: above 0 where it stands in front."""
-    pieces = [] if isinstance(contact, HeightField) else contact
-    vertices, faces = join_meshes([contact.as_mesh()] if isinstance(contact, HeightField) else pieces)
-    if not len(faces) or not len(points):
-        return np.full(len(points), -np.inf)
-    distances, _, places = find_nearest(points, vertices, faces)
-    is_in_front = ((places - points) * normals).sum(axis=1) > _IN_FRONT * distances
-    depths = compute_depths(points, pieces)
-    return np.where(depths > 0.0, depths, np.where(is_in_front, distances, -distances))
 
 
 class NearestPoints(NamedTuple):

@@ -11,6 +11,7 @@ from benchmarks.large_scans import measure_surface
 from benchmarks.material.landscape import make_landscape, sample_scan
 from reconstruction._src.base.errors import ReconstructionError, ScanError
 from reconstruction._src.surfaces.color import find_vertex_colors
+from reconstruction._src.tiles import tiling
 from reconstruction._src.tiles.folder import INDEX, TiledSurface, read_surface
 from reconstruction._src.tiles.point_stream import TilesConfig
 from reconstruction._src.tiles.tiling import reconstruct_tile, reconstruct_tiles
@@ -111,12 +112,13 @@ def test_a_folder_of_others_is_refused_and_one_of_tiles_replaced(tiles, tmp_path
     assert all(content == wanted[name] for name, content in read_all(again.folder).items() if name in wanted)
 
 
-def test_a_reconstruction_that_did_not_end_is_no_surface(tmp_path):
+def test_a_reconstruction_that_did_not_end_is_no_surface(tmp_path, monkeypatch):
     def die(work, jobs):
         raise KeyboardInterrupt
 
+    monkeypatch.setattr(tiling, "run_in_processes", lambda workers: die)
     with pytest.raises(KeyboardInterrupt):
-        reconstruct_tiles(make_points(), tmp_path / "tiles", CONFIG, run_jobs=die)
+        reconstruct_tiles(make_points(), tmp_path / "tiles", CONFIG)
     with pytest.raises(ReconstructionError, match="did not end; start it again"):
         TiledSurface.load(tmp_path / "tiles")
     with pytest.raises(ReconstructionError, match="no index of tiles"):

@@ -108,7 +108,7 @@ def test_a_body_becomes_pieces_of_coacd():
 @pytest.mark.slow
 def test_the_time_limit_of_coacd_gives_an_error_and_never_another_contact(monkeypatch):
     monkeypatch.setattr(coacd, "_TIME_LIMIT", 1e-6)
-    with pytest.raises(ArenaError, match="coacd took longer than 1e-06 s on .* give a simpler body"):
+    with pytest.raises(ArenaError, match=r"coacd took longer than 1e-06 s on .* give a simpler body"):
         make_contact(trimesh.creation.torus(0.5, 0.12), ContactOptions(), 0.005)
 
 

@@ -7,11 +7,9 @@ import trimesh
 from symbrion_gym._src.contact.distances import (
     SurfaceDistance,
     compute_depths,
-    compute_offsets,
     find_nearest,
     find_signed_nearest,
 )
-from symbrion_gym._src.contact.kinds import HeightField
 
 
 def make_floor() -> trimesh.Trimesh:
@@ -47,28 +45,6 @@ def test_without_a_face_everything_is_infinitely_far():
 
 
 SLAB = trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])
-UP = np.array([0.0, 0.0, 1.0])
-
-
-def find_above(points: np.ndarray, contact) -> np.ndarray:
-    return compute_offsets(points, np.tile(UP, (len(points), 1)), contact)
-
-
-def test_offsets_from_a_slab():
-    points = np.array([[1.0, 1.0, 0.03], [1.0, 1.0, -0.03], [1.0, 1.0, 0.0], [5.0, 1.0, -0.1]])
-    assert find_above(points, [SLAB]) == pytest.approx([-0.03, 0.03, 0.0, -1.0])
-
-
-def test_a_thin_slab_far_before_the_surface_stands_in_front_of_it():
-    below = np.array([[1.0, 1.0, -0.5]])
-    assert find_above(below, [SLAB]) == pytest.approx([0.3])
-    assert compute_offsets(below, -UP[None], [SLAB]) == pytest.approx([-0.3])
-
-
-def test_offsets_from_a_height_field():
-    field = HeightField(np.zeros((3, 3)), np.array([0.0, 0.0]), np.array([4.0, 2.0]))
-    points = np.array([[1.0, 1.0, 0.03], [1.0, 1.0, -0.03], [5.0, 1.0, 0.0]])
-    assert find_above(points, field) == pytest.approx([-0.03, 0.03, -1.0])
 
 
 def test_side_of_a_closed_box_beyond_its_corner():
@@ -98,4 +74,3 @@ def test_depths_in_two_overlapping_boxes():
 
 def test_nothing_is_infinitely_far():
     assert np.isinf(SurfaceDistance(make_floor()).measure([]).mean)
-    assert np.isneginf(find_above(np.zeros((2, 3)), [])).all()
