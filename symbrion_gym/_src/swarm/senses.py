@@ -59,7 +59,8 @@ class Sight(RayMesh):
         between = place - place[:, None]
         squares = dot_rows(between, between)
         first, second = np.nonzero(np.triu(squares < reach**2, k=1))
-        parts = np.array_split(np.arange(len(first)), len(first) * len(place) // _MOST_TESTS + 1)
+        step = max(1, _MOST_TESTS // len(place))
+        parts = [slice(start, start + step) for start in range(0, max(len(first), 1), step)]
         single = squares.astype(np.float32)  # Faster, and far finer than robots are told apart
         is_shaded = [self._find_shaded(single, first[rows], second[rows]) for rows in parts]
         left = np.flatnonzero(~np.concatenate(is_shaded))
@@ -176,10 +177,12 @@ class Senses:
             nearest[:, chosen] = hits.reshape(count, -1)
             first, second = np.nonzero(part)
             hits = sight.cast_on_robots(origins[..., chosen], directions[..., chosen], state, first, second)
-            begins = np.flatnonzero(np.diff(first, prepend=-1))
-            if len(begins):
-                seen = nearest[first[begins], chosen]
-                nearest[first[begins], chosen] = np.minimum(seen, np.minimum.reduceat(hits, begins))
+            counts = part.sum(axis=1)
+            rows = np.flatnonzero(counts)
+            if len(rows):
+                begins = np.cumsum(counts[rows]) - counts[rows]
+                seen = nearest[rows, chosen]
+                nearest[rows, chosen] = np.minimum(seen, np.minimum.reduceat(hits, begins))
         return np.where(nearest <= self._ranges, nearest, np.inf)
 
     def _pair(self, state: SwarmState) -> tuple[Bool[np.ndarray, "N N"], Bool[np.ndarray, "N N"]]:

@@ -118,7 +118,7 @@ def fit_ground(
 
 def _find_walls(sight: Sight, center: Vectors, normal: Vectors) -> Float[np.ndarray, " N"]:
     """Return how far the surface reaches into the disc about each center, across the normal [m]."""
-    center, flat = np.nan_to_num(center), np.nan_to_num(normal, nan=0.0)
+    center, flat = (np.where(np.isfinite(values), values, 0.0) for values in (center, normal))
     flat[flat[:, 2] == 0.0] = [0.0, 0.0, 1.0]
     spokes = make_rotations(flat, np.zeros(len(flat))) @ _SPOKES.T
     ways = spokes.transpose(0, 2, 1).reshape(-1, 3)
